@@ -88,10 +88,14 @@ finally:
 
 if TYPE_CHECKING:
     from skfem_contact.answers.error.sources import ErrorEstimate, ErrorSources
+    from skfem_contact.answers.tangent.changes import Parameter
+    from skfem_contact.answers.tangent.sensitivity import Sensitivity
+    from skfem_contact.answers.tangent.tangent import Tangent
     from skfem_contact.elimination.condense import ConstraintRows, condense, contact_rows
     from skfem_contact.elimination.constraint import AffineConstraint
     from skfem_contact.elimination.eliminate import eliminate
     from skfem_contact.history.checkpoint import SavedState
+    from skfem_contact.history.gradients import Gradient, Jacobian
     from skfem_contact.linalg.amg import AMG
     from skfem_contact.obstacles.level_set import LevelSet
     from skfem_contact.obstacles.polyline import RigidPolyline
@@ -127,7 +131,9 @@ __all__ = [
     "ErrorEstimate",
     "ErrorSources",
     "FrictionLaw",
+    "Gradient",
     "InputError",
+    "Jacobian",
     "Kinematics",
     "LevelSet",
     "LinearSolveError",
@@ -136,6 +142,7 @@ __all__ = [
     "Options",
     "OrthotropicCoulomb",
     "PETSc",
+    "Parameter",
     "Record",
     "RigidBody",
     "RigidCylinder",
@@ -144,8 +151,10 @@ __all__ = [
     "RigidSphere",
     "RigidSurface",
     "SavedState",
+    "Sensitivity",
     "SingularMatrix",
     "System",
+    "Tangent",
     "Tresca",
     "Uniqueness",
     "UnknownKeyword",
@@ -174,14 +183,19 @@ _LATER = {
     "ConstraintRows": "elimination.condense",
     "ErrorEstimate": "answers.error.sources",
     "ErrorSources": "answers.error.sources",
+    "Gradient": "history.gradients",
+    "Jacobian": "history.gradients",
     "LevelSet": "obstacles.level_set",
     "PETSc": "petsc.backend",
+    "Parameter": "answers.tangent.changes",
     "RigidCylinder": "obstacles.shapes",
     "RigidPlane": "obstacles.shapes",
     "RigidPolyline": "obstacles.polyline",
     "RigidSphere": "obstacles.shapes",
     "RigidSurface": "obstacles.triangles",
     "SavedState": "history.checkpoint",
+    "Sensitivity": "answers.tangent.sensitivity",
+    "Tangent": "answers.tangent.tangent",
     "condense": "elimination.condense",
     "contact_rows": "elimination.condense",
     "eliminate": "elimination.eliminate",

@@ -62,6 +62,10 @@ class Answer:
         How linear problems were solved, and why, where bodies or surfaces are large; else empty.
     indifferent : tuple of str
         A sentence per motion that nothing loads and nothing holds.
+    before : LocalState or None
+        The state that the load step began from, along the tangents of its pairing.
+    parts : int
+        Into how many parts it was cut.
     springs : bool
         Whether contact rows depend on each other, so that points were seen through springs.
     diagnostics : Diagnostics
@@ -90,6 +94,8 @@ class Answer:
     factor: float | None = None
     linear: str = ""
     indifferent: tuple[str, ...] = ()
+    before: LocalState | None = field(default=None, repr=False)
+    parts: int = 1
     springs: bool = False
     diagnostics: Diagnostics = field(default_factory=Diagnostics, repr=False)
 

@@ -97,6 +97,24 @@ class Unknowns(NamedTuple):
     since: Array
 
 
+class Duals(NamedTuple):
+    """Derivatives of a number by what an answer follows from, see `PointSpace.adjoint`.
+
+    Attributes
+    ----------
+    force : ndarray, shape (q,)
+        By the load on gaps and slips.
+    gap0 : ndarray, shape (m,)
+    slip0, anchor, offset : ndarray, shape (m, d-1)
+    """
+
+    force: Array
+    gap0: Array
+    slip0: Array
+    anchor: Array
+    offset: Array
+
+
 @dataclass(eq=False)
 class PointSpace:
     r"""Gaps and slips as unknowns: ``S z = h + p`` with ``p = (lambda, -tau)``.
@@ -163,6 +181,61 @@ class PointSpace:
         since[rows.free] = self._factor.solve(rhs[rows.free])
         z[rows.free] += since[rows.free]
         return Unknowns(z, self.S.dot(z) - load.force, since)
+
+    def adjoint(self, conditions: Conditions, of: Response) -> Duals:
+        """`solve` transposed: what a number depends on, from how it depends on the answer.
+
+        Parameters
+        ----------
+        conditions : Conditions
+        of : Response
+            Derivatives of the number by gaps, slips and forces; by the solution z too.
+        """
+        rows = self._held(conditions, conditions.matrix_key())
+        if self._chosen is None or self._chosen[0] is not rows:
+            self._chosen = None
+            still = np.zeros(of.slip.shape)
+            self._chosen = rows, self._reduce(rows.closed, Load(of.solution, of.gap, still, still))
+        reduction = self._chosen[1]
+        if reduction is None:
+            return self._transposed(conditions, rows, of)
+        return reduction.adjoint(conditions, of, rows)
+
+    def _transposed(self, conditions: Conditions, key: object, of: Response) -> Duals:
+        """`_response` and `unknowns` backwards, line by line."""
+        rows = key if key is self._rows else self._held(conditions, key)
+        assert isinstance(rows, HeldRows)
+        has_row, q = self.tangential_rows >= 0, len(self.S)
+        slip, normal_force, tangential = of.slip, of.normal_force, of.tangential_force
+        by_law = np.where(rows.rubs[:, None] & ~has_row, tangential, 0.0)
+        way = np.einsum("ikl,ik->il", conditions.spring, by_law)
+        slip, anchor, offset = slip + way, -way, by_law
+        normal_force = normal_force + np.sum(conditions.coupling * by_law, axis=1)
+        gap0 = np.where(rows.closed, 0.0, of.gap)
+        slip0 = slip.copy()
+        z, p = np.append(of.solution, 0.0), np.zeros(q)
+        np.add.at(z, self.normal_rows, gap0)
+        np.add.at(z, self.tangential_rows, slip)
+        p[rows.gaps] = normal_force[rows.closed]
+        p[rows.slips] = -tangential[rows.stick]
+        p[rows.sliding] = -tangential[rows.slides]
+        z = z[:-1] + self.S.dot(p)
+        if self._factor is None:
+            self._factor = self._factorize(conditions, rows)
+        r = np.zeros(q)
+        r[rows.free] = self._factor.solve(z[rows.free], transposed=True)
+        np.add.at(r, rows.pressing, rows.share * r[rows.rubbing])
+        base = z - self.S.dot(r)
+        gap0[rows.closed] = -base[rows.gaps]
+        held = np.zeros(slip.shape)  # of what moves with anchors: slips of sticking points, and springs
+        held[rows.stick] = base[rows.slips]
+        known = np.zeros(slip.shape)
+        known[rows.slides] = -r[rows.sliding]
+        if rows.gives:
+            held[rows.slides] = base[rows.sliding]
+            given = np.einsum("ikl,ik->il", conditions.spring, known)
+            held -= np.where(rows.slides, 0.0, given)
+        return Duals(r - p, gap0, slip0 - held, anchor + held, offset + known)
 
     def _held(self, conditions: Conditions, key: object) -> HeldRows:
         """The rows that conditions hold; of the last ones, if their matrix is the same."""
@@ -243,6 +316,7 @@ class Reduction:
 
     def __init__(self, space: PointSpace, keep: Mask) -> None:
         self.keep, self._dropped, self._count = keep, ~keep, np.count_nonzero(keep)
+        self._outer = space.normal_rows, space.tangential_rows
         rows = np.concatenate([space.normal_rows[keep], space.tangential_rows[keep].ravel()])
         self.rows = rows = np.sort(rows[rows >= 0])
         self.rest = rest = np.setdiff1d(np.arange(len(space.S)), rows)
@@ -287,6 +361,20 @@ class Reduction:
         full[self.rows] = z
         full[self.rest] = self._at_rest - self._follow.dot(z)
         return full
+
+    def adjoint(self, conditions: Conditions, of: Response, key: object) -> Duals:
+        """That of all rows, see `PointSpace.adjoint`."""
+        z = np.append(of.solution, 0.0)
+        dropped = self._dropped
+        np.add.at(z, self._outer[0], np.where(dropped, of.gap, 0.0))
+        np.add.at(z, self._outer[1], np.where(dropped[:, None], of.slip, 0.0))
+        z = z[:-1]
+        kept = replace(of, solution=z[self.rows] - self._follow.T @ z[self.rest])
+        found = self.space._transposed(conditions, key, kept)
+        force = np.empty(len(z))
+        force[self.rows] = found.force
+        force[self.rest] = self._factor.solve(z[self.rest]) - self._follow @ found.force
+        return found._replace(force=force)
 
     def unknowns(self, conditions: Conditions, load: Load, key: object) -> Unknowns:
         """Those of all rows."""

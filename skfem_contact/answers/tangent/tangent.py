@@ -1,0 +1,415 @@
+r"""`Tangent`: the equations of contact and friction linearised at an answer.
+
+At an answer every point is open, stuck or slipping. As long as none changes, gaps g, slips s and forces
+follow linear equations: an open point carries nothing, a closed one keeps its gap, a stuck one its
+slip, and the friction of a slipping one follows from the return map P (`return_map`) at its trial force
+``t = tau + k (s - s_n)``,
+
+    d tau = J dt + c d lambda + B d(s - s_0) + dP,      J, c, B = dP/dt, dP/d lambda, dP/ds.
+
+With a finite tangential stiffness ``k = G`` and tau in t is the one of the step before. Where sticking is
+exact it is that of this step, for any k, and the equation is solved for it,
+
+    d tau = M (k J d(s - s_n) + c d lambda + B d(s - s_0) + dP),       M = (1 - J)^-1.
+
+With Coulomb's law ``M k J = L / |s - s_n| (1 - d d')``, whatever k is: the spring across the direction d of
+friction is that of the answer itself. The last linear solve of an iteration has that of an iterate
+before, which is why it is not taken from there.
+
+These are the conditions of one more linear solve (`problem.response.Conditions`), in which anchors and
+offsets are what the step before and the parameter make of them.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, vstack
+
+from skfem_contact.answers.answer import Answer
+from skfem_contact.arrays import largest, lengths
+from skfem_contact.conditions.friction import FrictionLaw
+from skfem_contact.conditions.friction_rule import FrictionRule
+from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.conditions.thresholds import BEYOND
+from skfem_contact.digits import SOLVED
+from skfem_contact.errors import InputError
+from skfem_contact.problem.points import PointSpace
+from skfem_contact.problem.response import Conditions
+from skfem_contact.records import dataclass
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Derivatives of the friction forces of slipping points; zero at all others.
+
+    Attributes
+    ----------
+    spring, by_trial, by_slip, by_map : ndarray, shape (m, d-1, d-1)
+        By the slip since the last step, ``M k J + M B``; by the friction of the last step; by the slip
+        that bounds follow, ``M B``; and by the return map itself, M.
+    by_normal : ndarray, shape (m, d-1)
+        By the normal force.
+    trial : ndarray, shape (m, d-1)
+        The trial forces at which the return map is asked [force].
+    """
+
+    spring: Array
+    by_trial: Array
+    by_slip: Array
+    by_map: Array
+    by_normal: Array
+    trial: Array
+
+
+class Tangent:
+    r"""The equations of contact and friction linearised at an answer, which `result.tangent` gives.
+
+    It holds while no point changes its status: `margin` says how far each is from that, and `kinks` are
+    the points that are on the verge, where the answer has a derivative to either side only.
+
+    Attributes
+    ----------
+    status : ndarray of int, shape (m,)
+        0 open, 1 stick, 2 slip, of all points, one contact after the other.
+    direction : ndarray, shape (m, d-1)
+        Unit direction of the force that resists at a slipping point; zero at the others.
+    slope : ndarray, shape (m, d-1)
+        Derivative of that force by the normal force, ``mu d``: the part of friction that follows the
+        pressure, and makes the equations unsymmetric.
+    spring : ndarray, shape (m, d-1, d-1)
+        Its derivative by the slip: in space ``L / |ds| (1 - d d')``, as the direction of friction turns
+        with the slip ``ds`` of the step [force/length].
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> tangent = sc.ContactSolver(block, foot).solve().tangent
+    >>> tangent.status.tolist(), tangent.kinks.tolist()
+    ([2, 2, 1, 1, 1], [])
+    >>> tangent.slope[tangent.status == 2].round(12).tolist()
+    [[-0.3], [-0.3]]
+    """
+
+    def __init__(self, answer: Answer, space: PointSpace | None = None) -> None:
+        refuse(answer)
+        problem = answer.model.for_tangents
+        assert problem is not None and answer.before is not None
+        self.answer, self.problem = answer, problem
+        own = problem.space
+        self.space = space or PointSpace(own.S, own.normal_rows, own.tangential_rows)
+        self.local = local = answer.local
+        interface = answer.model.interface
+        self.rule = FrictionRule(interface.laws, local.area, local.reference)
+        self.status = np.where(self._smooth & (local.status != OPEN), SLIP, local.status)
+        self.closed = local.status != OPEN
+        exact = np.isinf(interface.stiffness)
+        sticks = local.status == STICK
+        slips = (local.status == SLIP) & interface.frictional
+        turning = slips & (local.slip.shape[1] > 1)
+        # where nothing has slipped yet no direction turns: as if it stuck, and a kink
+        still = turning & (lengths(answer.plastic_slip) <= SOLVED * lengths(local.slip))
+        self.stick = (sticks & interface.frictional & exact) | (sticks & interface.tied) | still
+        self.slips = slips & ~still
+        self.elastic = sticks & interface.frictional & ~exact
+        self.stiffness = np.where(exact, 0.0, interface.stiffness)
+        self.exact = exact
+
+    @cached_property
+    def _smooth(self) -> Mask:
+        """Points without friction or glue."""
+        interface = self.answer.model.interface
+        return np.asarray(~(interface.frictional | interface.tied))
+
+    @cached_property
+    def direction(self) -> Array:
+        """See the class."""
+        force, way = self.local.tangential_force, self.answer.plastic_slip
+        size = lengths(force)
+        # without a bound friction has a direction all the same: that of the slip
+        along = np.where((size > 0)[:, None], force, way)
+        size = np.where(size > 0, size, lengths(way))
+        return np.where(self.slips[:, None], along / np.where(size > 0, size, 1.0)[:, None], 0.0)
+
+    @cached_property
+    def slopes(self) -> Slopes:
+        """Derivatives of the friction of slipping points."""
+        local, rule, t = self.local, self.rule, self.local.slip.shape[1]
+        way, force = self.answer.plastic_slip, lengths(local.tangential_force)
+        moved = lengths(way)
+        # with exact sticking any stiffness does: one that makes the trial force twice the bound
+        k = np.where(force > 0, force, 1.0) / np.where(moved > 0, moved, 1.0)
+        k = np.where(self.exact, k, self.stiffness)[:, None]
+        trial = local.tangential_force + k * way
+        if t == 1:
+            trial = BEYOND * self.direction
+        _, _, by = rule.mapped(trial, local.normal_force, local.slip)
+        on = self.slips[:, None, None]
+        J, B = np.where(on, by.trial, 0.0), np.where(on, by.slip, 0.0)
+        c = np.where(self.slips[:, None], by.normal_force, 0.0)
+        c = np.where((local.normal_force < 0)[:, None], 0.0, c)  # of glue that is pulled
+        unit = np.eye(t)
+        M = np.linalg.inv(unit - np.where(self.exact[:, None, None], J, 0.0))
+        before = np.where(self.exact[:, None, None], 0.0, J)
+        before[self.elastic] = unit
+        spring = k[:, :, None] * J
+        spring[self.elastic] = self.stiffness[self.elastic, None, None] * unit
+        B, M = M @ B, np.where(on, M, 0.0)
+        spring = np.where(on, M @ spring, spring) + B
+        symmetric = 0.5 * (spring + spring.swapaxes(1, 2))
+        if rule.steady:  # round-off alone takes it from being symmetric
+            spring = symmetric
+        return Slopes(spring, before, B, M, np.einsum("ikl,il->ik", M, c), trial)
+
+    @property
+    def slope(self) -> Array:
+        """See the class."""
+        return self.slopes.by_normal
+
+    @property
+    def spring(self) -> Array:
+        """See the class; of a point that sticks with a finite stiffness that stiffness."""
+        return self.slopes.spring
+
+    @cached_property
+    def conditions(self) -> Conditions:
+        """What a linear solve holds every point to, with nothing that drives it."""
+        still, slopes = np.zeros(self.local.slip.shape), self.slopes
+        return Conditions(self.closed, self.stick, still, slopes.spring, still, slopes.by_normal)
+
+    # -- how far it holds -----------------------------------------------------------------------
+
+    @cached_property
+    def bound(self) -> Array:
+        """Bound of the friction force, zero at open points, (m,) [force]."""
+        return np.where(self.closed, self.rule.bound(self.local.normal_force, self.local.slip), 0.0)
+
+    @cached_property
+    def bound_slope(self) -> Array:
+        """Derivative of the bounds by the normal force, zero at open points, (m,)."""
+        presses = self.closed & (self.local.normal_force >= 0.0)
+        return np.where(presses, self.rule.slope(self.local.normal_force, self.local.slip), 0.0)
+
+    @cached_property
+    def margin(self) -> Array:
+        """How far each point is from its next change, shape (m,): a force over the largest one.
+
+        Of a closed point its normal force, or what friction lacks to its bound; of an open one its gap,
+        and of a slipping one its slip in the step, times what the point resists by itself. Infinite
+        where nothing can change.
+        """
+        local, interface = self.local, self.answer.model.interface
+        rho = self.problem.resistance
+        force = largest(np.maximum(np.abs(local.normal_force), lengths(local.tangential_force)))
+        opens = np.where(interface.bilateral, np.inf, local.normal_force)
+        along = np.sum(self.answer.plastic_slip * self.toward, axis=1)
+        slides = np.where(local.status == SLIP, rho.tangential * along, self._lacking)
+        closed = np.minimum(opens, np.where(interface.frictional, slides, np.inf))
+        gap = np.where(np.isfinite(local.gap), local.gap, np.inf)
+        found = np.where(self.closed, closed, np.where(gap < np.inf, rho.normal * gap, np.inf))
+        return np.asarray(np.maximum(found, 0.0) / (force or 1.0))
+
+    @cached_property
+    def _lacking(self) -> Array:
+        """What friction lacks to its bound, (m,) [force]."""
+        return self.bound - lengths(self.local.tangential_force)
+
+    @cached_property
+    def toward(self) -> Array:
+        """Unit direction of the friction force of every point, zero without one."""
+        size = lengths(self.local.tangential_force)
+        return self.local.tangential_force / np.where(size > 0, size, 1.0)[:, None]
+
+    @cached_property
+    def kinks(self) -> Index:
+        """Points at which the answer has a kink: a derivative to either side, which may differ."""
+        return np.flatnonzero(self.margin <= SOLVED)
+
+    @cached_property
+    def touching(self) -> Mask:
+        """Points that neither press nor are apart, (m,)."""
+        local = self.local
+        force = largest(np.maximum(np.abs(local.normal_force), lengths(local.tangential_force)))
+        rho = self.problem.resistance.normal
+        gap = np.where(np.isfinite(local.gap), local.gap, np.inf)
+        near = np.where(self.closed, local.normal_force, rho * gap) <= SOLVED * (force or 1.0)
+        return np.asarray(near & ~self.answer.model.interface.bilateral)
+
+    @cached_property
+    def switched(self) -> Mask:
+        """Points that `with_statuses` has given another status, (m,)."""
+        return np.zeros(len(self.status), dtype=bool)
+
+    def with_statuses(self, other: dict[int, tuple[int, float]]) -> Tangent:
+        """The tangent with other statuses of some points, and the way in which they slip.
+
+        Raises
+        ------
+        InputError
+            Where that changes directions of friction that can turn, or springs.
+        """
+        new, frictional = copy(self), self.answer.model.interface.frictional
+        some = np.array(list(other))
+        if frictional[some].any() and (self.slope.shape[1] > 1 or not self.exact[some].all()):
+            raise InputError(
+                "side: points at the verge of slipping have derivatives to either side in the plane, with "
+                "exact sticking. In space, or with a stiffness, move the load a little off the kink."
+            )
+        slope = self.rule.slope(np.maximum(self.local.normal_force, 0.0), self.local.slip)
+        new.closed, new.stick, new.slips = self.closed.copy(), self.stick.copy(), self.slips.copy()
+        direction, by_normal = self.direction.copy(), self.slope.copy()
+        new.switched, by_map = self.switched.copy(), self.slopes.by_map.copy()
+        for i, (status, way) in other.items():
+            new.closed[i], new.slips[i] = status != OPEN, status == SLIP
+            new.stick[i] = status == STICK and frictional[i]
+            new.switched[i], direction[i] = True, way
+            by_normal[i], by_map[i] = slope[i] * way, float(status == SLIP)
+        new.direction, new.slopes = direction, replace(self.slopes, by_normal=by_normal, by_map=by_map)
+        for name in ("conditions", "bound_slope", "bound", "K", "T", "W", "K_r", "K_friction"):
+            vars(new).pop(name, None)
+        return new
+
+    # -- matrices, on request -------------------------------------------------------------------
+
+    @cached_property
+    def K(self) -> csr_matrix:
+        """Stiffness of all bodies with the springs of slipping points, (n, n) [force/length]."""
+        from scipy.sparse import block_diag
+
+        stiffness = csr_matrix(block_diag(self.answer.stiffness, format="csr"))
+        if self.conditions.gives:
+            t = self.spring.shape[1]
+            point, k, j = np.nonzero(self.spring)
+            shape = (len(self.status) * t,) * 2
+            springs = csr_matrix((self.spring[point, k, j], (point * t + k, point * t + j)), shape)
+            B_t = self.answer.kin.B_t
+            stiffness = csr_matrix(stiffness + B_t.T @ springs @ B_t)
+        return stiffness
+
+    @property
+    def rows(self) -> csr_matrix:
+        """Rows whose product with the rates of u is zero: closed gaps, then slips that stick, (k, n)."""
+        return self._rows(coupled=False)
+
+    @cached_property
+    def T(self) -> csr_matrix:
+        """Rates of u that `rows` and supports leave free, ``u = T u_r``, (n, r)."""
+        return self._basis(self.rows)
+
+    @cached_property
+    def W(self) -> csr_matrix:
+        """Virtual displacements on which contact forces do no work, friction included, (n, r).
+
+        Of as many columns as `T`, and T itself where no friction follows the pressure.
+        """
+        return self._basis(self._rows(coupled=True)) if np.any(self.slope) else self.T
+
+    @cached_property
+    def K_r(self) -> csr_matrix:
+        """Stiffness of what is free to move, ``W' K T``, (r, r) [force/length]: unsymmetric with friction."""
+        return csr_matrix(self.W.T @ self.K @ self.T)
+
+    @cached_property
+    def K_friction(self) -> csr_matrix:
+        """The part of `K_r` by friction that follows the pressure, ``(W - T)' K T``, (r, r)."""
+        return csr_matrix((self.W - self.T).T @ self.K @ self.T)
+
+    def _rows(self, coupled: bool) -> csr_matrix:
+        kin = self.answer.kin
+        m, t = self.slope.shape
+        stuck = np.repeat(self.stick, t)
+        normal = kin.B_n
+        if coupled and t:
+            point, k = np.nonzero(self.slope)
+            follows = csr_matrix((self.slope[point, k], (point, point * t + k)), (m, m * t))
+            normal = csr_matrix(normal - follows @ kin.B_t)
+        held = [normal[self.closed]]
+        if stuck.any():
+            held.append(kin.B_t[stuck])
+        return csr_matrix(vstack(held))
+
+    def _basis(self, rows: csr_matrix) -> csr_matrix:
+        from skfem_contact.elimination.eliminate import eliminate
+
+        system = self.answer.system
+        return csr_matrix(eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n)).T)
+
+    def __repr__(self) -> str:
+        count = [int(np.sum(self.status == k)) for k in (OPEN, STICK, SLIP)]
+        kinks = "no kinks" if not len(self.kinks) else f"kinks at points {self.kinks.tolist()}"
+        return "<Tangent: {} open, {} stick, {} slip; {}>".format(*count, kinks)
+
+
+def differentiable(law: FrictionLaw) -> bool:
+    """Whether a law says how its bound changes: one of ours, or with a slope or map of its own."""
+    own = type(law)
+    return own.slope is not FrictionLaw.slope or own.return_map is not FrictionLaw.return_map
+
+
+def refuse(answer: Answer) -> None:
+    """Raise `InputError` for an answer that has no tangent, with the reason.
+
+    Raises
+    ------
+    InputError
+    """
+    model, why = answer.model, ""
+    interface = model.interface
+    if not answer.converged:
+        why = f"it did not converge ({answer.message})"
+    elif model.geometry.follows:
+        why = (
+            'contact slides far (sliding="finite"): how its pairing changes is not differentiated. '
+            'Where slips are short, sliding="small" has derivatives'
+        )
+    elif interface.wear or np.any(answer.state.wear):
+        why = "surfaces wear: the depth worn off is not differentiated. Leave wear out of the contact"
+    elif answer.parts > 1:
+        why = (
+            f"its load step was cut into {answer.parts} parts, whose states are not kept. Give the "
+            "history smaller steps"
+        )
+    elif answer.springs:
+        why = (
+            "conditions of its points depend on each other, so that forces are not unique. Let contacts "
+            "share no edge, and make a held tool no finer than what it presses"
+        )
+    elif answer.indifferent:
+        why = "a body may stand elsewhere as well. Prescribe a DOF (D=...)"
+    else:
+        why = _law_words(answer)
+    if not why and model.for_tangents is None:
+        why = (
+            f"the contact problem has no matrix on this route ({model.route}). Make the solver with "
+            'linear="condensed"'
+        )
+    if why:
+        raise InputError(f"this result has no derivatives: {why}.")
+
+
+def _law_words(answer: Answer) -> str:
+    """What is wrong with a law that has no derivatives."""
+    for _, law in answer.model.interface.laws:
+        if not differentiable(law.law):
+            name = type(law.law).__name__
+            return (
+                f"the law {name} of contact '{law.contact}' has no slopes of its own, and difference "
+                f"quotients would leave six digits. Give {name} a method slope(...), the derivative of "
+                "its limit by the normal force, or a return_map(...)"
+            )
+    return ""
