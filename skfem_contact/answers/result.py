@@ -275,8 +275,8 @@ class ContactResult(ByContact):
 
     # -- derivatives --------------------------------------------------------------------------
 
-    @cached_property
-    def tangent(self) -> Tangent:
+    @once
+    def linearized(self) -> Tangent:
         """The equations of contact and friction linearised at this answer, see `Tangent`.
 
         Raises
@@ -284,10 +284,6 @@ class ContactResult(ByContact):
         InputError
             This answer has no derivatives; the message says why.
         """
-        return self._linearised
-
-    @once
-    def _linearised(self) -> Tangent:
         from skfem_contact.answers.tangent.tangent import Tangent
 
         return Tangent(self._answer)
@@ -296,8 +292,8 @@ class ContactResult(ByContact):
     def sensitivity(self, by: Any, *, after: Sensitivity | None = None, side: int = 0) -> Sensitivity:
         """Derivatives of all quantities of this result by one number.
 
-        The statuses of all points stay what they are: see `tangent.margin` for how far that holds, and
-        `tangent.kinks` for the points where derivatives are one-sided.
+        The statuses of all points stay what they are: see `linearized.margin` for how far that holds,
+        and `linearized.kinks` for the points where derivatives are one-sided.
 
         Parameters
         ----------
@@ -320,7 +316,7 @@ class ContactResult(ByContact):
         """
         from skfem_contact.answers.tangent.sensitivity import sensitivity
 
-        return sensitivity(self._answer, self.tangent, by, after, side)
+        return sensitivity(self._answer, self.linearized, by, after, side)
 
     # -- printed ------------------------------------------------------------------------------
 
@@ -349,8 +345,7 @@ class ContactResult(ByContact):
             values.contact_area  # noqa: B018
             if np.any(values.status != OPEN):
                 values.error_estimate  # noqa: B018
-        made = ("tangent", "_linearised")  # with matrices of the solver
-        return {name: value for name, value in vars(self).items() if name not in made}
+        return {name: value for name, value in vars(self).items() if name != "linearized"}
 
 
 #: What a printed result leaves to the report, and how to get it.

@@ -16,14 +16,22 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.answers.tangent.changes import Parameter, contracted, needs_loads, parameter
+from skfem_contact.answers.tangent.changes import (
+    Parameter,
+    change,
+    contracted,
+    needs_loads,
+    parameter,
+)
 from skfem_contact.answers.tangent.rates import Carried, backward, check_lost
 from skfem_contact.answers.tangent.sensitivity import Sensitivity, sensitivity, weights_of
 from skfem_contact.answers.tangent.tangent import Tangent, refuse
 from skfem_contact.arguments import numbers, shown
+from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.history.load_step import recover_all
+from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.records import dataclass
 
@@ -123,6 +131,7 @@ def solved(
     assert problem is not None
     own = problem.space
     space = PointSpace(own.S, own.normal_rows, own.tangential_rows)
+    space.reduce_to(np.any([answer.state.status != OPEN for answer in answers], axis=0))
     if any(p.kind in ("stiffness", "scene") for p in by):
         recover_all(answers)
     return results, [Tangent(answer, space) for answer in answers]
@@ -167,18 +176,17 @@ def gradient(
     loads = any(needs_loads(p) for p in by)
     found: list[list[Any]] = [[] for _ in by]
     after: Carried | None = None
-    for k in range(len(results) - 1, -1, -1):
-        tangent, weights = tangents[k], weights_of(tangents[k].answer, given[k])
-        if np.any(weights.lost):
-            check_lost(tangent)
-        duals, after = backward(tangent, weights, after, loads)
-        for p, parts in zip(by, found, strict=True):
-            part = contracted(p, tangent, tangent.answer, duals)
-            if p.kind == "scene":
-                from skfem_contact.answers.tangent.changes import change
-
-                part += weights.directly(change(p, tangent, tangent.answer))
-            parts.append(part)
+    with single_threaded():
+        for tangent, own in zip(reversed(tangents), reversed(given), strict=True):
+            weights = weights_of(tangent.answer, own)
+            if np.count_nonzero(weights.lost):
+                check_lost(tangent)
+            duals, after = backward(tangent, weights, after, loads)
+            for p, parts in zip(by, found, strict=True):
+                part = contracted(p, tangent, tangent.answer, duals)
+                if p.kind == "scene":
+                    part += weights.directly(change(p, tangent, tangent.answer))
+                parts.append(part)
     parts = [np.array(own[::-1]) if p.each_step else sum(own) for p, own in zip(by, found, strict=True)]
     return Gradient(float(value), by, parts, results)
 

@@ -191,31 +191,34 @@ class PointSpace:
         of : Response
             Derivatives of the number by gaps, slips and forces; by the solution z too.
         """
-        rows = self._held(conditions, conditions.matrix_key())
-        if self._chosen is None or self._chosen[0] is not rows:
-            self._chosen = None
-            still = np.zeros(of.slip.shape)
-            self._chosen = rows, self._reduce(rows.closed, Load(of.solution, of.gap, still, still))
-        reduction = self._chosen[1]
+        closed, key = conditions.closed & (self.normal_rows >= 0), conditions.matrix_key()
+        still = np.zeros(of.slip.shape)
+        reduction = self._reduce(closed, Load(of.solution, of.gap, still, still))
         if reduction is None:
-            return self._transposed(conditions, rows, of)
-        return reduction.adjoint(conditions, of, rows)
+            return self._transposed(conditions, key, of)
+        return reduction.adjoint(conditions, of, key)
+
+    def reduce_to(self, needed: Mask) -> None:
+        """Leave out what none of many solves needs: all points (m,) that are open in all of them."""
+        keep = needed | (self.normal_rows < 0)
+        self._reduction = None if keep.all() else Reduction(self, keep)
 
     def _transposed(self, conditions: Conditions, key: object, of: Response) -> Duals:
         """`_response` and `unknowns` backwards, line by line."""
-        rows = key if key is self._rows else self._held(conditions, key)
-        assert isinstance(rows, HeldRows)
+        rows = self._held(conditions, key)
         has_row, q = self.tangential_rows >= 0, len(self.S)
         slip, normal_force, tangential = of.slip, of.normal_force, of.tangential_force
-        by_law = np.where(rows.rubs[:, None] & ~has_row, tangential, 0.0)
-        way = np.einsum("ikl,ik->il", conditions.spring, by_law)
+        by_law, way = np.where(rows.rubs[:, None] & ~has_row, tangential, 0.0), 0.0
+        if np.count_nonzero(by_law):  # along tangents without a row there is only the law
+            way = np.einsum("ikl,ik->il", conditions.spring, by_law)
+            normal_force = normal_force + np.sum(conditions.coupling * by_law, axis=1)
         slip, anchor, offset = slip + way, -way, by_law
-        normal_force = normal_force + np.sum(conditions.coupling * by_law, axis=1)
         gap0 = np.where(rows.closed, 0.0, of.gap)
         slip0 = slip.copy()
+        # each point has rows of its own; those of -1, which there are not, go to the end
         z, p = np.append(of.solution, 0.0), np.zeros(q)
-        np.add.at(z, self.normal_rows, gap0)
-        np.add.at(z, self.tangential_rows, slip)
+        z[self.normal_rows] += gap0
+        z[self.tangential_rows] += slip
         p[rows.gaps] = normal_force[rows.closed]
         p[rows.slips] = -tangential[rows.stick]
         p[rows.sliding] = -tangential[rows.slides]
@@ -364,16 +367,20 @@ class Reduction:
 
     def adjoint(self, conditions: Conditions, of: Response, key: object) -> Duals:
         """That of all rows, see `PointSpace.adjoint`."""
-        z = np.append(of.solution, 0.0)
-        dropped = self._dropped
-        np.add.at(z, self._outer[0], np.where(dropped, of.gap, 0.0))
-        np.add.at(z, self._outer[1], np.where(dropped[:, None], of.slip, 0.0))
-        z = z[:-1]
-        kept = replace(of, solution=z[self.rows] - self._follow.T @ z[self.rest])
-        found = self.space._transposed(conditions, key, kept)
-        force = np.empty(len(z))
+        z, dropped = np.append(of.solution, 0.0), self._dropped
+        z[self._outer[0][dropped]] += of.gap[dropped]
+        np.add.at(z, self._outer[1][dropped], of.slip[dropped])
+        kept, left = z[self.rows], z[self.rest]
+        asked = np.count_nonzero(left)
+        if asked:
+            kept = kept - self._follow.T.dot(left)
+        own = Response(of.gap, of.slip, of.normal_force, of.tangential_force, kept)
+        found = self.space._transposed(conditions, key, own)
+        force = np.empty(len(z) - 1)
         force[self.rows] = found.force
-        force[self.rest] = self._factor.solve(z[self.rest]) - self._follow @ found.force
+        force[self.rest] = -self._follow.dot(found.force)
+        if asked:
+            force[self.rest] += self._factor.solve(left)
         return found._replace(force=force)
 
     def unknowns(self, conditions: Conditions, load: Load, key: object) -> Unknowns:

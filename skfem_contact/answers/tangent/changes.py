@@ -17,12 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.tangent.tangent import Tangent
 from skfem_contact.arguments import known_keywords, numbers, shown
-from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.friction import Coulomb, Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.state import transport
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 
@@ -230,12 +230,13 @@ def _between(by: Parameter, tangent: Tangent, answer: Answer) -> Change:
     assert by.between is not None
     *ends, width = by.between
     local, u = answer.local, answer.u
-    tau = local.tangential_force.ravel()
     if len({(s.system.n, s.kin.m, s.kin.paired.tobytes()) for s in (*ends, answer)}) != 1:
         raise InputError(
             f"{by!r}: the two scenes and the solver differ in their DOFs, points, or in which points have "
             "a partner; nodes may move, and must stay the same. Take a smaller width."
         )
+    if answer.kin.scaled is not None:
+        raise InputError(f"{by!r}: not with OrthotropicCoulomb, whose directions turn with the surface")
     found = []
     for solver in ends:
         kin, case = solver.kin, _case_there(solver, answer)
@@ -246,17 +247,32 @@ def _between(by: Parameter, tangent: Tangent, answer: Answer) -> Change:
         f = case.f - np.concatenate(K) + kin.B_n.T @ local.normal_force
         gap0 = np.where(kin.paired, case.gap0, 0.0) + np.where(kin.paired, kin.B_n @ u, 0.0)
         slip0, bound = case.slip0, np.zeros(kin.m)
-        friction = np.zeros(local.slip.shape)
-        if tau.size:
-            f = f - kin.B_t.T @ tau
+        friction, axes = np.zeros(local.slip.shape), kin.axes
+        if friction.size:
+            own = _turned(answer, kin)
             slip0 = slip0 + (kin.B_t @ u).reshape(slip0.shape)
+            slip0 = np.einsum("ikl,il->ik", own, slip0)
+            f = f - kin.B_t.T @ np.einsum("ikl,ik->il", own, local.tangential_force).ravel()
             rule = FrictionRule(solver.interface.laws, kin.area, local.reference)
             trial = np.where(tangent.slips[:, None], tangent.slopes.trial, 0.0)
             friction = rule.project(trial, local.normal_force, local.slip)[0]
             bound = np.where(tangent.closed, rule.bound(local.normal_force, local.slip), 0.0)
-        found.append((f, case.x, gap0, slip0, friction, bound, kin.area, kin.normal, kin.axes))
+            axes = np.einsum("ikl,ild->ikd", own, kin.axes)
+        found.append((f, case.x, gap0, slip0, friction, bound, kin.area, kin.normal, axes))
     rates = [(b - a) / width for a, b in zip(*found, strict=True)]
-    return Change(*rates[:6], area=rates[6], axes=(rates[7], rates[8]))
+    return Change(*rates[:7], (rates[7], rates[8]))
+
+
+def _turned(answer: Answer, kin: Any) -> Array:
+    """Components along the tangents of an answer from those of another scene, (m, d-1, d-1).
+
+    Tangents in space are a choice, which jumps: those of the answer are turned to the other normals.
+    """
+    along = np.stack(
+        [transport(axis, answer.kin.normal, kin.normal) for axis in answer.kin.axes.transpose(1, 0, 2)],
+        axis=1,
+    )
+    return np.asarray(np.einsum("ikd,ild->ikl", along, kin.axes))
 
 
 def _case_there(solver: Any, answer: Answer) -> LoadCase:
@@ -265,7 +281,9 @@ def _case_there(solver: Any, answer: Answer) -> LoadCase:
 
     reader, case = solver._reader, copy(answer.case)
     given = np.array(case.interference)
-    for part, own, values in zip(answer.slices(), case.own, reader._own, strict=True):
+    for part, own, values in zip(
+        answer.model.interface.point_slices, case.own, reader._own, strict=True
+    ):
         if own:
             given[part] = values
     case.interference = given
@@ -277,12 +295,16 @@ def _case_there(solver: Any, answer: Answer) -> LoadCase:
 
 def _bodies(by: Parameter, answer: Answer) -> list[int]:
     system = answer.system
-    return list(range(len(system.bodies))) if by.of is None else [system.index(by.of)]
+    if by.of is None:
+        return list(range(len(system.bodies)))
+    if isinstance(by.of, Contact):
+        raise InputError(f"{by!r}: of is a contact; name a body")
+    return [system.index(by.of)]
 
 
 def _contacts(by: Parameter, answer: Answer) -> list[tuple[int, slice]]:
     """Contacts of a parameter, with their points."""
-    slices, names = answer.slices(), answer.names
+    slices, names = answer.model.interface.point_slices, answer.names
     if by.of is None:
         some = [
             i
@@ -305,7 +327,7 @@ def _contacts(by: Parameter, answer: Answer) -> list[tuple[int, slice]]:
 
 
 def _stiffness(by: Parameter, answer: Answer, i: int) -> Any:
-    if by.along is None or np.ndim(by.along) == 0 and not hasattr(by.along, "tocsr"):
+    if by.along is None or (np.ndim(by.along) == 0 and not hasattr(by.along, "tocsr")):
         return (1.0 if by.along is None else float(by.along)) * answer.stiffness[i]
     body = answer.system.bodies[i]
     K = by.along.tocsr()

@@ -190,7 +190,7 @@ def followed(
     rate = 0.5 * (bound + (0.0 if before is None else before.bound)) * way + np.sum(
         along * moved, axis=1
     )
-    lost = np.array([rate[part].sum() for part in answer.slices()])
+    lost = np.array([rate[part].sum() for part in answer.model.interface.point_slices])
     return Rates(answer, tangent, change, load, response, reference, bound, lost)
 
 
@@ -222,44 +222,42 @@ def backward(
     answer, problem, slopes = tangent.answer, tangent.problem, tangent.slopes
     m, t = answer.local.slip.shape
     closed, is_open = tangent.closed, ~tangent.closed[:, None]
-    after = after or Carried(np.zeros((m, t)), np.zeros((m, t)), np.zeros((m, t)), np.zeros(m))
-    slip, friction, bound = (
-        after.slip + weights.slip,
-        after.tangential_force + weights.friction,
-        after.bound,
-    )
-    reference = after.reference - weights.slip
-    back = Carried(np.zeros((m, t)), np.zeros((m, t)), np.where(is_open, 0.0, reference), np.zeros(m))
+    slip, friction, bound = weights.slip, weights.friction, np.zeros(m)
+    reference = -weights.slip
+    if after is not None:
+        slip, friction = slip + after.slip, friction + after.tangential_force
+        reference, bound = reference + after.reference, after.bound
     slip = slip + np.where(is_open, reference, 0.0)
-    if np.any(weights.lost):
+    reference = np.where(is_open, 0.0, reference)
+    known, handed, along = np.zeros(m), np.zeros((m, t)), np.zeros((m, t))
+    if np.count_nonzero(weights.lost):
         way, along, G = _lost(tangent)
         share = np.zeros(m)
-        for part, w in zip(answer.slices(), weights.lost, strict=True):
+        for part, w in zip(answer.model.interface.point_slices, weights.lost, strict=True):
             share[part] = w
         along = along * share[:, None]
-        slip, friction = slip + along, friction - along / G
-        back.slip -= along
-        back.tangential_force += along / G
-        back.bound += 0.5 * share * way
-        bound = bound + 0.5 * share * way
+        slip, friction, handed = slip + along, friction - along / G, along / G
+        known = 0.5 * share * way
+        bound = bound + known
     normal_force = weights.normal_force + tangent.bound_slope * bound
-    given, u = None, weights.u
-    z = np.zeros(len(tangent.space.S))
-    with single_threaded():
-        if u is not None:
-            given = np.array(u)
-            given[answer.system.D] = 0.0
-            given = problem.other_load(case_of(replace(Change.none(answer), f=given)))
-            z = given.force
-        of = Response(weights.gap, slip, normal_force, friction, z)
-        found = tangent.space.adjoint(tangent.conditions, of)
-    offset = found.offset
-    back.slip += found.anchor + np.einsum("ikl,ik->il", slopes.by_slip, offset)
-    back.reference -= np.einsum("ikl,ik->il", slopes.by_slip, offset)
-    back.tangential_force += np.einsum("ikl,ik->il", slopes.by_trial, offset)
-    out = Change.none(answer)
-    out = replace(out, gap0=found.gap0, slip0=found.slip0, bound=np.where(closed, bound, 0.0))
-    out.friction = np.einsum("ikl,ik->il", slopes.by_map, offset)
+    u, given, z = weights.u, None, np.zeros(len(tangent.space.S))
+    if u is not None:
+        f = np.array(u)
+        f[answer.system.D] = 0.0
+        given = problem.other_load(case_of(replace(Change.none(answer), f=f)))
+        z = given.force
+    found = tangent.space.adjoint(
+        tangent.conditions, Response(weights.gap, slip, normal_force, friction, z)
+    )
+    back = Carried(found.anchor - along, handed, reference, known)
+    if not tangent.rule.steady:
+        by_slip = np.einsum("ikl,ik->il", slopes.by_slip, found.offset)
+        back.slip, back.reference = back.slip + by_slip, reference - by_slip
+    if np.count_nonzero(slopes.by_trial):
+        back.tangential_force = handed + np.einsum("ikl,ik->il", slopes.by_trial, found.offset)
+    by_map = np.einsum("ikl,ik->il", slopes.by_map, found.offset)
+    nothing = np.zeros(answer.system.n)
+    out = Change(nothing, nothing, found.gap0, found.slip0, by_map, np.where(closed, bound, 0.0))
     if loads:
         out.f, out.x = _by_loads(tangent, given, out, found.force, u)
     return out, back

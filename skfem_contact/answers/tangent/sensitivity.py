@@ -20,7 +20,7 @@ from skfem_contact.answers.tangent.changes import Parameter, change, parameter
 from skfem_contact.answers.tangent.rates import Rates, Weights, check_lost, forward
 from skfem_contact.answers.tangent.tangent import Tangent
 from skfem_contact.arguments import numbers, shown
-from skfem_contact.conditions.state import SLIP
+from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, NotConverged
 
@@ -136,7 +136,9 @@ def sensitivity(
         )
     if side not in (-1, 0, 1):
         raise InputError(f"side = {shown(side)}; it may be 1, -1, or 0 for the statuses that hold")
-    if after is not None and (after.by is not by and repr(after.by) != repr(by) or after.side != side):
+    if after is not None and (
+        (after.by is not by and repr(after.by) != repr(by)) or after.side != side
+    ):
         raise InputError(f"after is by {after.by!r}, side {after.side}; here by {by!r}, side {side}")
     found, before = change(by, tangent, answer), None if after is None else after._rates
     if side:
@@ -163,8 +165,9 @@ def one_sided(tangent: Tangent, found: Any, before: Rates | None, side: int) -> 
     branch, seen, whole = tangent, set[bytes](), True
     while True:
         own = copy(found)
-        sense = branch.direction
-        own.friction = np.where(branch.switched[:, None], sense * found.bound[:, None], found.friction)
+        switched = branch.switched & branch.slips
+        given = branch.direction * found.bound[:, None]
+        own.friction = np.where(switched[:, None], given, found.friction)
         rates = forward(branch, own, before)
         wanted = _contradicted(branch, rates, before)
         if not wanted:
@@ -182,35 +185,41 @@ def one_sided(tangent: Tangent, found: Any, before: Rates | None, side: int) -> 
         branch = branch.with_statuses(wanted if whole else {last: wanted[last]})
 
 
-def _contradicted(branch: Tangent, rates: Rates, before: Rates | None) -> dict[int, tuple[int, float]]:
+def _contradicted(branch: Tangent, rates: Rates, before: Rates | None) -> dict[int, tuple[int, Array]]:
     """Points with a kink whose rates contradict their status: what they are instead, and which way."""
-    frictional = branch.answer.model.interface.frictional
-    response, out = rates.response, dict[int, tuple[int, float]]()
-    scale = [
-        float(np.max(np.abs(v), initial=0.0)) * SOLVED
-        for v in (response.gap, response.normal_force, rates.slip, rates.tangential_force)
-    ]
-    touching = branch.touching
+    response, out = rates.response, dict[int, tuple[int, Array]]()
+    gap, force, slip, friction = (
+        SOLVED * float(np.max(np.abs(rate), initial=0.0))
+        for rate in (response.gap, response.normal_force, rates.slip, rates.tangential_force)
+    )
+    still = np.zeros(rates.slip.shape[1])
+    moved = rates.slip - (0.0 if before is None else before.slip)
+    frictional, slid = branch.answer.model.interface.frictional, branch.slid
     for i in branch.kinks:
         if not branch.closed[i]:
-            if response.gap[i] < -scale[0]:
-                out[i] = (1, 0.0)
-            continue
-        if touching[i] and response.normal_force[i] < -scale[1]:
-            out[i] = (0, 0.0)
-            continue
-        if not frictional[i]:
-            continue
-        friction, moved = rates.tangential_force[i], rates.slip[i].copy()
-        if before is not None:
-            moved -= before.slip[i]
-        if branch.slips[i]:
-            if branch.direction[i] @ moved < -scale[2]:
-                out[i] = (1, 0.0)
-            continue
-        toward = np.sign(friction) if touching[i] else branch.toward[i]
-        if toward @ friction - rates.bound[i] > scale[3]:
-            out[i] = (SLIP, float(toward[0]))
+            if (
+                response.gap[i] < -gap
+            ):  # what closes where it has slid slips on, against the way it went
+                way = branch.answer.plastic_slip[i]
+                slips = frictional[i] and slid[i]
+                out[i] = (SLIP, way / np.linalg.norm(way)) if slips else (STICK, still)
+        elif branch.touching[i] and response.normal_force[i] < -force:
+            out[i] = (OPEN, still)
+        elif frictional[i] and branch.slips[i]:
+            if not slid[i] and branch.direction[i] @ moved[i] < -slip:
+                out[i] = (STICK, still)
+        elif frictional[i]:
+            toward = branch.toward[i] if branch.toward[i].any() else np.sign(rates.tangential_force[i])
+            if toward @ rates.tangential_force[i] - rates.bound[i] > friction:
+                out[i] = (SLIP, toward)
+    exact = branch.exact[list(out)].all() and len(still) == 1
+    if not exact and any(
+        frictional[i] and not slid[i] and status != OPEN for i, (status, _) in out.items()
+    ):
+        raise InputError(
+            "side: points at the verge of slipping have derivatives to either side in the plane, with "
+            "exact sticking. In space, or with a stiffness, move the load a little off the kink."
+        )
     return out
 
 
@@ -225,7 +234,7 @@ def _which(answer: Answer, contact: Any, what: str) -> tuple[int, slice]:
     if contact is not None and contact not in answer.names:
         raise InputError(f"there is no contact {shown(contact)}, only {', '.join(answer.names)}")
     i = 0 if contact is None else answer.names.index(contact)
-    return i, answer.slices()[i]
+    return i, answer.model.interface.point_slices[i]
 
 
 def _quantity(rates: Rates, what: str, i: int, part: slice) -> Array:
@@ -255,7 +264,7 @@ def _quantity(rates: Rates, what: str, i: int, part: slice) -> Array:
 
 
 def _check_slip(answer: Answer, i: int) -> None:
-    if not answer.model.interface.slipping[answer.slices()[i]].any():
+    if not answer.model.interface.slipping[answer.model.interface.point_slices[i]].any():
         raise InputError(
             f"slip of contact {answer.names[i]!r}: without friction nothing tangential is solved for, and "
             "its slip is no unknown. Take the displacements of the bodies."

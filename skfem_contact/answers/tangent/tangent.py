@@ -34,6 +34,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.arrays import largest, lengths
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
+from skfem_contact.conditions.return_map import Derivatives
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import SOLVED
@@ -71,7 +72,7 @@ class Slopes:
 
 
 class Tangent:
-    r"""The equations of contact and friction linearised at an answer, which `result.tangent` gives.
+    r"""The equations of contact and friction linearised at an answer, which `result.linearized` is.
 
     It holds while no point changes its status: `margin` says how far each is from that, and `kinks` are
     the points that are on the verge, where the answer has a derivative to either side only.
@@ -99,7 +100,7 @@ class Tangent:
     >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
     >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
     >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
-    >>> tangent = sc.ContactSolver(block, foot).solve().tangent
+    >>> tangent = sc.ContactSolver(block, foot).solve().linearized
     >>> tangent.status.tolist(), tangent.kinks.tolist()
     ([2, 2, 1, 1, 1], [])
     >>> tangent.slope[tangent.status == 2].round(12).tolist()
@@ -116,65 +117,82 @@ class Tangent:
         self.local = local = answer.local
         interface = answer.model.interface
         self.rule = FrictionRule(interface.laws, local.area, local.reference)
-        self.status = np.where(self._smooth & (local.status != OPEN), SLIP, local.status)
         self.closed = local.status != OPEN
-        exact = np.isinf(interface.stiffness)
-        sticks = local.status == STICK
-        slips = (local.status == SLIP) & interface.frictional
-        turning = slips & (local.slip.shape[1] > 1)
-        # where nothing has slipped yet no direction turns: as if it stuck, and a kink
-        still = turning & (lengths(answer.plastic_slip) <= SOLVED * lengths(local.slip))
-        self.stick = (sticks & interface.frictional & exact) | (sticks & interface.tied) | still
-        self.slips = slips & ~still
-        self.elastic = sticks & interface.frictional & ~exact
+        self.exact = exact = np.isinf(interface.stiffness)
         self.stiffness = np.where(exact, 0.0, interface.stiffness)
-        self.exact = exact
+        sticks = local.status == STICK
+        self.slips = (local.status == SLIP) & interface.frictional
+        self.stick = sticks & (interface.frictional & exact | interface.tied)
+        self.elastic = sticks & interface.frictional & ~exact
+        if local.slip.shape[1] > 1:
+            # where nothing has slipped yet no direction turns: as if it stuck, and a kink
+            way, slip = lengths(answer.plastic_slip), lengths(local.slip)
+            still = self.slips & exact & (way <= SOLVED * slip)
+            self.slips, self.stick = self.slips & ~still, self.stick | still
 
     @cached_property
-    def _smooth(self) -> Mask:
-        """Points without friction or glue."""
-        interface = self.answer.model.interface
-        return np.asarray(~(interface.frictional | interface.tied))
+    def status(self) -> NDArray[np.intp]:
+        """See the class: as results have it, 2 at closed points without friction or glue."""
+        smooth = ~self.answer.model.interface.slipping
+        return np.where(smooth & self.closed, SLIP, self.local.status)
 
     @cached_property
     def direction(self) -> Array:
         """See the class."""
         force, way = self.local.tangential_force, self.answer.plastic_slip
         size = lengths(force)
-        # without a bound friction has a direction all the same: that of the slip
-        along = np.where((size > 0)[:, None], force, way)
-        size = np.where(size > 0, size, lengths(way))
+        # nearly without a bound friction has a direction all the same: that of the slip
+        tells = (size > SOLVED * largest(size)) | ~way.any(axis=1)
+        along = np.where(tells[:, None], force, way)
+        size = np.where(tells, size, lengths(way))
         return np.where(self.slips[:, None], along / np.where(size > 0, size, 1.0)[:, None], 0.0)
 
     @cached_property
     def slopes(self) -> Slopes:
         """Derivatives of the friction of slipping points."""
         local, rule, t = self.local, self.rule, self.local.slip.shape[1]
-        way, force = self.answer.plastic_slip, lengths(local.tangential_force)
-        moved = lengths(way)
-        # with exact sticking any stiffness does: one that makes the trial force twice the bound
-        k = np.where(force > 0, force, 1.0) / np.where(moved > 0, moved, 1.0)
-        k = np.where(self.exact, k, self.stiffness)[:, None]
-        trial = local.tangential_force + k * way
-        if t == 1:
+        still = np.zeros((len(self.status), t, t))
+        elastic = not self.exact.all()
+        if t == 1 and rule.steady:  # nothing turns
+            by = Derivatives(still, self.bound_slope[:, None] * self.direction, still)
             trial = BEYOND * self.direction
-        _, _, by = rule.mapped(trial, local.normal_force, local.slip)
-        on = self.slips[:, None, None]
-        J, B = np.where(on, by.trial, 0.0), np.where(on, by.slip, 0.0)
-        c = np.where(self.slips[:, None], by.normal_force, 0.0)
-        c = np.where((local.normal_force < 0)[:, None], 0.0, c)  # of glue that is pulled
-        unit = np.eye(t)
-        M = np.linalg.inv(unit - np.where(self.exact[:, None, None], J, 0.0))
-        before = np.where(self.exact[:, None, None], 0.0, J)
-        before[self.elastic] = unit
-        spring = k[:, :, None] * J
-        spring[self.elastic] = self.stiffness[self.elastic, None, None] * unit
-        B, M = M @ B, np.where(on, M, 0.0)
-        spring = np.where(on, M @ spring, spring) + B
-        symmetric = 0.5 * (spring + spring.swapaxes(1, 2))
-        if rule.steady:  # round-off alone takes it from being symmetric
-            spring = symmetric
-        return Slopes(spring, before, B, M, np.einsum("ikl,il->ik", M, c), trial)
+            k = self.stiffness[:, None]
+        else:
+            way, force = self.answer.plastic_slip, lengths(local.tangential_force)
+            moved = lengths(way)
+            # with exact sticking any stiffness does: one that makes the trial force twice the bound
+            k = np.where(force > 0, force, 1.0) / np.where(moved > 0, moved, 1.0)
+            k = np.where(self.exact, k, self.stiffness)[:, None]
+            trial = local.tangential_force + k * way if t > 1 else BEYOND * self.direction
+            by = self._of_slipping(rule.mapped(trial, local.normal_force, local.slip)[2])
+        unit, J = np.eye(t), by.trial
+        M = unit * self.slips[:, None, None]
+        if J is not still:
+            M = M @ np.linalg.inv(unit - np.where(self.exact[:, None, None], J, 0.0))
+        spring, before = k[:, :, None] * J if J is not still else still, still
+        if elastic:
+            on = self.elastic[:, None, None]
+            before = np.where(on, unit, np.where(self.exact[:, None, None], 0.0, J))
+            spring = np.where(on, k[:, :, None] * unit, spring)
+        if J is not still:
+            spring = np.where(self.slips[:, None, None], M @ spring, spring)
+        by_normal = by.normal_force
+        if t > 1:
+            by_normal = np.einsum("ikl,il->ik", M, by_normal)
+        if rule.steady:  # round-off alone takes springs from being symmetric
+            spring = 0.5 * (spring + spring.swapaxes(1, 2)) if t > 1 else spring
+            return Slopes(spring, before, still, M, by_normal, trial)
+        B = M @ by.slip
+        return Slopes(spring + B, before, B, M, by_normal, trial)
+
+    def _of_slipping(self, by: Derivatives) -> Derivatives:
+        """Derivatives of slipping points alone; the bound of glue that is pulled stays as it is."""
+        on = self.slips[:, None]
+        return Derivatives(
+            np.where(on[:, :, None], by.trial, 0.0),
+            np.where(on & self.presses[:, None], by.normal_force, 0.0),
+            np.where(on[:, :, None], by.slip, 0.0),
+        )
 
     @property
     def slope(self) -> Array:
@@ -200,10 +218,15 @@ class Tangent:
         return np.where(self.closed, self.rule.bound(self.local.normal_force, self.local.slip), 0.0)
 
     @cached_property
+    def presses(self) -> Mask:
+        """Closed points whose bound follows the normal force: not of glue that is pulled, (m,)."""
+        pulled = self.answer.model.interface.bilateral & (self.local.normal_force < 0)
+        return self.closed & ~pulled
+
+    @cached_property
     def bound_slope(self) -> Array:
         """Derivative of the bounds by the normal force, zero at open points, (m,)."""
-        presses = self.closed & (self.local.normal_force >= 0.0)
-        return np.where(presses, self.rule.slope(self.local.normal_force, self.local.slip), 0.0)
+        return np.where(self.presses, self.rule.slope(self.local.normal_force, self.local.slip), 0.0)
 
     @cached_property
     def margin(self) -> Array:
@@ -255,21 +278,15 @@ class Tangent:
         """Points that `with_statuses` has given another status, (m,)."""
         return np.zeros(len(self.status), dtype=bool)
 
-    def with_statuses(self, other: dict[int, tuple[int, float]]) -> Tangent:
-        """The tangent with other statuses of some points, and the way in which they slip.
+    @cached_property
+    def slid(self) -> Mask:
+        """Points whose slip in the step is more than round-off, (m,): it tells where friction acts."""
+        way = lengths(self.answer.plastic_slip)
+        return np.asarray(way > SOLVED * largest(lengths(self.local.slip)))
 
-        Raises
-        ------
-        InputError
-            Where that changes directions of friction that can turn, or springs.
-        """
+    def with_statuses(self, other: dict[int, tuple[int, Array]]) -> Tangent:
+        """The tangent with other statuses of some points, and the directions in which they slip."""
         new, frictional = copy(self), self.answer.model.interface.frictional
-        some = np.array(list(other))
-        if frictional[some].any() and (self.slope.shape[1] > 1 or not self.exact[some].all()):
-            raise InputError(
-                "side: points at the verge of slipping have derivatives to either side in the plane, with "
-                "exact sticking. In space, or with a stiffness, move the load a little off the kink."
-            )
         slope = self.rule.slope(np.maximum(self.local.normal_force, 0.0), self.local.slip)
         new.closed, new.stick, new.slips = self.closed.copy(), self.stick.copy(), self.slips.copy()
         direction, by_normal = self.direction.copy(), self.slope.copy()
@@ -278,9 +295,19 @@ class Tangent:
             new.closed[i], new.slips[i] = status != OPEN, status == SLIP
             new.stick[i] = status == STICK and frictional[i]
             new.switched[i], direction[i] = True, way
-            by_normal[i], by_map[i] = slope[i] * way, float(status == SLIP)
+            by_normal[i], by_map[i] = slope[i] * way, np.eye(len(way)) * (status == SLIP)
         new.direction, new.slopes = direction, replace(self.slopes, by_normal=by_normal, by_map=by_map)
-        for name in ("conditions", "bound_slope", "bound", "K", "T", "W", "K_r", "K_friction"):
+        for name in (
+            "conditions",
+            "presses",
+            "bound_slope",
+            "bound",
+            "K",
+            "T",
+            "W",
+            "K_r",
+            "K_friction",
+        ):
             vars(new).pop(name, None)
         return new
 
