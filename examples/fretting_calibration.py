@@ -90,7 +90,7 @@ def jacobian(parameters):
     return at(parameters).matrix / measured.max() / (1.0, parameters[1])
 
 
-goal = dict(xtol=1e-14, ftol=1e-14, gtol=1e-14, x_scale=(0.1, 1.0))
+goal = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14, "x_scale": (0.1, 1.0)}
 found = least_squares(residual, start, jac=jacobian, **goal)
 with_derivatives = histories
 

@@ -1,4 +1,4 @@
-"""Random states of two blocks in contact with friction, and their derivatives by central differences."""
+"""Random states of two blocks in contact with friction, and derivatives by central differences."""
 
 from __future__ import annotations
 
@@ -82,7 +82,9 @@ class State:
 
 def box(a: float, b: float, low: float, high: float, cells: Any) -> fem.CellBasis:
     """A box of hexahedra, with its boundaries "bottom" and "top"."""
-    lines = [np.linspace(*ends, n + 1) for ends, n in zip([(a, b), (a, b), (low, high)], cells)]
+    lines = [
+        np.linspace(*ends, n + 1) for ends, n in zip([(a, b), (a, b), (low, high)], cells, strict=True)
+    ]
     mesh = fem.MeshHex.init_tensor(*lines).with_boundaries(
         {"bottom": lambda x: x[2] == low, "top": lambda x: x[2] == high}
     )

@@ -92,7 +92,7 @@ LAWS = {
 
 @pytest.mark.parametrize("law", LAWS)
 def test_other_laws_have_derivatives(law):
-    """A finite tangential stiffness, a cap, a bound without pressure, and a user's law with its slope."""
+    """A finite tangential stiffness, a cap, a bound without pressure, a user's law with a slope."""
     state = State(13, 2, LAWS[law])
     for by in ("displacement", "interference"):
         assert worst(state, by, WIDTH[by]) < CLOSE
@@ -120,7 +120,7 @@ def test_backwards_is_forwards(dim):
 
 
 def test_fields_are_sums_of_numbers():
-    """What a field has at every point, along a direction, is the derivative along it; so in each step."""
+    """What a field has at every point, times a direction, is the derivative along it."""
     state = State(4, 2)
     solver, steps = state.solver(), state.steps()
     m, draw = len(solver.solve().pressure), np.random.default_rng(1)
@@ -181,7 +181,7 @@ def test_loads_and_tools_by_differences():
 def moved(state, p):
     """The scene with nodes moved, both surfaces curved."""
     bodies = []
-    for k, (basis, K, name) in enumerate(zip(state.bases, state.K, ("low", "up"), strict=True)):
+    for k, (basis, name) in enumerate(zip(state.bases, ("low", "up"), strict=True)):
         x = basis.mesh.p
         way = np.stack([0.1 * np.sin(3 * x[0]) * (k - 0.5), 0.05 * x[0] ** 2 + 0.03 * x[0] * x[1]])
         mesh = fem.MeshQuad(x + p * way, basis.mesh.t, _boundaries=basis.mesh.boundaries)
@@ -224,7 +224,7 @@ def pushed(state, component, t):
 
 
 def kink(state, component, far, still):
-    """Where between 0 and `far` a status changes first: the last load before and the first behind it."""
+    """Where between 0 and `far` a status changes first: the last load before, the first behind."""
     low, high = 0.0, far
     here = still(pushed(state, component, low)[-1])
     if np.array_equal(here, still(pushed(state, component, high)[-1])):
@@ -383,9 +383,9 @@ class Bare(sc.FrictionLaw):
 
 
 REFUSED = {
-    "slides far": dict(friction=sc.Coulomb(0.3), sliding="finite"),
-    "surfaces wear": dict(friction=sc.Coulomb(0.3), wear=sc.Archard(1e-3)),
-    r"law Bare .* no slopes of its own": dict(friction=Bare()),
+    "slides far": {"friction": sc.Coulomb(0.3), "sliding": "finite"},
+    "surfaces wear": {"friction": sc.Coulomb(0.3), "wear": sc.Archard(1e-3)},
+    r"law Bare .* no slopes of its own": {"friction": Bare()},
 }
 
 

@@ -43,7 +43,7 @@ Array = NDArray[np.float64]
 
 @dataclass(eq=False)
 class Gradient:
-    """A number that follows from a history, and its derivatives, which `ContactSolver.gradient` returns.
+    """A number that follows from a history, and its derivatives: of `ContactSolver.gradient`.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Gradient:
 
 @dataclass(eq=False)
 class Jacobian:
-    """Values that follow from a history, and their derivatives, which `ContactSolver.jacobian` returns.
+    """Values that follow from a history, and their derivatives: of `ContactSolver.jacobian`.
 
     Attributes
     ----------
@@ -158,8 +158,8 @@ def _derivatives(given: Any, results: Sequence[ContactResult], what: str) -> tup
         derivatives = list(derivatives)
     except (TypeError, ValueError):
         raise InputError(
-            f"{what} returned {shown(given)}; it has to return (value, derivatives), the derivatives as a "
-            "list with a dict for each result, None where it does not depend on it"
+            f"{what} returned {shown(given)}; it has to return (value, derivatives), the derivatives "
+            "as a list with a dict for each result, None where it does not depend on it"
         ) from None
     if len(derivatives) != len(results):
         raise InputError(f"{what} returned {len(derivatives)} derivatives for {len(results)} results")
@@ -221,8 +221,8 @@ def _rows(tangent: Tangent, given: Any, count: int) -> list[tuple[int, Any]]:
         return []
     if not isinstance(given, dict) or not all(isinstance(key, int | np.integer) for key in given):
         raise InputError(
-            f"derivatives of observe are {shown(given)}; give for each result a dict from the numbers of "
-            "the values that depend on it to their derivatives, {3: {'force': (1.0, 0.0)}}"
+            f"derivatives of observe are {shown(given)}; give for each result a dict from the numbers "
+            "of the values that depend on it to their derivatives, {3: {'force': (1.0, 0.0)}}"
         )
     wrong = [key for key in given if not 0 <= key < count]
     if wrong:

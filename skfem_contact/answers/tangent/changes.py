@@ -97,7 +97,7 @@ class Parameter:
     of : Contact, Body, str or None
         The body or contact, itself or by name; None for all that there are.
     along : number or ndarray, optional
-        By how much each point or DOF changes with the parameter; 1.0, the same everywhere, if not given.
+        By how much each point or DOF changes with the parameter; if not given 1.0, everywhere.
     field : bool
         Whether the value at every point or DOF is a parameter of its own; for `ContactSolver.gradient`.
     each_step : bool
@@ -134,8 +134,8 @@ class Parameter:
             )
         if field and (along is not None or kind in ("stiffness", "scene")):
             raise InputError(
-                f"Parameter({kind!r}, field=True): a field has a value for every point or DOF, so it has "
-                "no `along`, and there is none of a stiffness or a scene: give these one by one."
+                f"Parameter({kind!r}, field=True): a field has a value for every point or DOF, so "
+                "it has no `along`, and there is none of a stiffness or a scene: give these one by one."
             )
         if kind == "motion" and along is None and not field:
             raise InputError("Parameter('motion'): give the direction, along=(1.0, 0.0)")
@@ -200,8 +200,8 @@ def by_coefficient(tangent: Tangent, answer: Answer, i: int, part: slice) -> Arr
         return np.where(tangent.closed[part], area, 0.0)
     if type(law) is not Coulomb:
         raise InputError(
-            f"Parameter('friction'): contact {answer.names[i]!r} has the law {type(law).__name__}, which "
-            "has no single coefficient. Use Parameter('scene', between=(...)) with two solvers "
+            f"Parameter('friction'): contact {answer.names[i]!r} has the law {type(law).__name__}, "
+            "which has no single coefficient. Use Parameter('scene', between=(...)) with two solvers "
             "whose laws differ a little."
         )
     free = law.mu * force + law.cohesion * area < law.tau_max * np.maximum(area, 0.0)
@@ -232,8 +232,8 @@ def _between(by: Parameter, tangent: Tangent, answer: Answer) -> Change:
     local, u = answer.local, answer.u
     if len({(s.system.n, s.kin.m, s.kin.paired.tobytes()) for s in (*ends, answer)}) != 1:
         raise InputError(
-            f"{by!r}: the two scenes and the solver differ in their DOFs, points, or in which points have "
-            "a partner; nodes may move, and must stay the same. Take a smaller width."
+            f"{by!r}: the two scenes and the solver differ in their DOFs, points, or in which points "
+            "have a partner; nodes may move, and must stay the same. Take a smaller width."
         )
     if answer.kin.scaled is not None:
         raise InputError(f"{by!r}: not with OrthotropicCoulomb, whose directions turn with the surface")

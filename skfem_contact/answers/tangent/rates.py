@@ -266,7 +266,7 @@ def backward(
 def _by_loads(
     tangent: Tangent, given: Load | None, found: Change, z: Array, u: Array | None
 ) -> tuple[Array, Array]:
-    """Derivatives by loads and prescribed displacements (n,), from those by the load on gaps and slips."""
+    """Derivatives by loads and displacements (n,), from those by the load on gaps and slips."""
     answer, problem, space = tangent.answer, tangent.problem, tangent.space
     nothing = Change.none(answer)
     if u is not None:
@@ -301,6 +301,6 @@ def check_lost(tangent: Tangent) -> None:
     """
     if not tangent.rule.steady:
         raise InputError(
-            "the energy that friction takes has derivatives with Coulomb, OrthotropicCoulomb and Tresca: "
-            "bounds of other laws may change with the slip. Leave dissipation out of the objective."
+            "the energy that friction takes has derivatives with Coulomb, OrthotropicCoulomb and "
+            "Tresca: bounds of other laws may change with the slip. Leave dissipation out of it."
         )

@@ -1,4 +1,4 @@
-"""`Sensitivity`: derivatives of a result by one number; and what a user gives as derivatives of a function.
+"""`Sensitivity`: derivatives of a result by one number; and those that a user gives of a function.
 
 Where points are on the verge of a change (`Tangent.kinks`) there is a derivative to either side. Which
 statuses hold there follows from the change itself: rates of gaps and pressures, of slips and what
@@ -121,7 +121,7 @@ class Sensitivity:
         return self.of("force")
 
     def dot(self, weights: Mapping[str, Any]) -> float:
-        """Derivative of a function of the result, from its derivatives; see `ContactSolver.gradient`."""
+        """Derivative of a function of the result, given as for `ContactSolver.gradient`."""
         return self._sign * self._rates.dot(weights_of(self._rates.answer, weights))
 
 
@@ -266,8 +266,8 @@ def _quantity(rates: Rates, what: str, i: int, part: slice) -> Array:
 def _check_slip(answer: Answer, i: int) -> None:
     if not answer.model.interface.slipping[answer.model.interface.point_slices[i]].any():
         raise InputError(
-            f"slip of contact {answer.names[i]!r}: without friction nothing tangential is solved for, and "
-            "its slip is no unknown. Take the displacements of the bodies."
+            f"slip of contact {answer.names[i]!r}: without friction nothing tangential is solved for, "
+            "and its slip is no unknown. Take the displacements of the bodies."
         )
 
 

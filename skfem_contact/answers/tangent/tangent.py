@@ -7,13 +7,13 @@ slip, and the friction of a slipping one follows from the return map P (`return_
 
     d tau = J dt + c d lambda + B d(s - s_0) + dP,      J, c, B = dP/dt, dP/d lambda, dP/ds.
 
-With a finite tangential stiffness ``k = G`` and tau in t is the one of the step before. Where sticking is
-exact it is that of this step, for any k, and the equation is solved for it,
+With a finite tangential stiffness ``k = G`` and tau in t is the one of the step before. Where sticking
+is exact it is that of this step, for any k, and the equation is solved for it,
 
-    d tau = M (k J d(s - s_n) + c d lambda + B d(s - s_0) + dP),       M = (1 - J)^-1.
+    d tau = M (k J d(s - s_n) + c d lambda + B d(s - s_0) + dP),      M = (1 - J)^-1.
 
-With Coulomb's law ``M k J = L / |s - s_n| (1 - d d')``, whatever k is: the spring across the direction d of
-friction is that of the answer itself. The last linear solve of an iteration has that of an iterate
+With Coulomb's law ``M k J = L / |s - s_n| (1 - d d')``, whatever k is: the spring across the direction
+d of friction is that of the answer itself. The last linear solve of an iteration has that of an iterate
 before, which is why it is not taken from there.
 
 These are the conditions of one more linear solve (`problem.response.Conditions`), in which anchors and
@@ -330,7 +330,7 @@ class Tangent:
 
     @property
     def rows(self) -> csr_matrix:
-        """Rows whose product with the rates of u is zero: closed gaps, then slips that stick, (k, n)."""
+        """Rows whose product with rates of u is zero: closed gaps, then slips that stick, (k, n)."""
         return self._rows(coupled=False)
 
     @cached_property
@@ -348,7 +348,7 @@ class Tangent:
 
     @cached_property
     def K_r(self) -> csr_matrix:
-        """Stiffness of what is free to move, ``W' K T``, (r, r) [force/length]: unsymmetric with friction."""
+        """Stiffness of what is free to move, ``W' K T``, (r, r) [force/length]."""
         return csr_matrix(self.W.T @ self.K @ self.T)
 
     @cached_property
@@ -413,8 +413,8 @@ def refuse(answer: Answer) -> None:
         )
     elif answer.springs:
         why = (
-            "conditions of its points depend on each other, so that forces are not unique. Let contacts "
-            "share no edge, and make a held tool no finer than what it presses"
+            "conditions of its points depend on each other, so that forces are not unique. Let "
+            "contacts share no edge, and make a held tool no finer than what it presses"
         )
     elif answer.indifferent:
         why = "a body may stand elsewhere as well. Prescribe a DOF (D=...)"
