@@ -9,7 +9,7 @@ step, for any number of values.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +35,6 @@ from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.records import dataclass
 
-if TYPE_CHECKING:
-    from skfem_contact.history.solver import ContactSolver
-
 Array = NDArray[np.float64]
 
 
@@ -54,6 +51,13 @@ class Gradient:
         parameter in each step the array of these, steps first.
     results : list of ContactResult
         The history.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> found = Gradient(1.0, (), [2.0, np.array([3.0, 4.0])], [])
+    >>> found.vector
+    array([2., 3., 4.])
     """
 
     value: float
@@ -78,6 +82,17 @@ class Jacobian:
         As `scipy.optimize.least_squares` takes it from ``jac``.
     by : tuple of Parameter
     results : list of ContactResult
+
+    Examples
+    --------
+    Two values that depend on one of two parameters:
+
+    >>> import numpy as np
+    >>> import skfem_contact as sc
+    >>> by = sc.Parameter("gap"), sc.Parameter("load")
+    >>> found = sc.Jacobian(np.zeros(2), np.array([[1.0, 0.0], [2.0, 0.0]]), by, [])
+    >>> found.rank, found.words[:48]
+    (1, "The values do not depend on Parameter('load'). S")
     """
 
     values: Array
@@ -119,7 +134,7 @@ class Jacobian:
 
 
 def solved(
-    solver: ContactSolver, steps: Iterable[Any], start: Any, by: Sequence[Parameter]
+    solver: Any, steps: Iterable[Any], start: Any, by: Sequence[Parameter]
 ) -> tuple[list[ContactResult], list[Tangent]]:
     """The history, and the tangent of each of its results on one space."""
     results = list(solver.history(steps, start=start))
@@ -167,7 +182,7 @@ def _derivatives(given: Any, results: Sequence[ContactResult], what: str) -> tup
 
 
 def gradient(
-    solver: ContactSolver, objective: Callable[..., Any], steps: Iterable[Any], by: Any, start: Any
+    solver: Any, objective: Callable[..., Any], steps: Iterable[Any], by: Any, start: Any
 ) -> Gradient:
     """See `ContactSolver.gradient`."""
     by = parameters(by, many=True)
@@ -192,7 +207,7 @@ def gradient(
 
 
 def jacobian(
-    solver: ContactSolver,
+    solver: Any,
     observe: Callable[..., Any],
     steps: Iterable[Any],
     by: Any,

@@ -260,7 +260,8 @@ def _between(by: Parameter, tangent: Tangent, answer: Answer) -> Change:
             axes = np.einsum("ikl,ild->ikd", own, kin.axes)
         found.append((f, case.x, gap0, slip0, friction, bound, kin.area, kin.normal, axes))
     rates = [(b - a) / width for a, b in zip(*found, strict=True)]
-    return Change(*rates[:7], (rates[7], rates[8]))
+    f, x, gap0, slip0, friction, bound, area, normal, axes = rates
+    return Change(f, x, gap0, slip0, friction, bound, area, (normal, axes))
 
 
 def _turned(answer: Answer, kin: Any) -> Array:

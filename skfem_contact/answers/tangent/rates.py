@@ -21,9 +21,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.tangent.changes import Change
 from skfem_contact.answers.tangent.tangent import Tangent
 from skfem_contact.arrays import lengths
-from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.problem.response import Conditions, Load, Response, Source
@@ -146,15 +144,6 @@ def case_of(change: Change) -> LoadCase:
     return LoadCase(change.f, change.x, change.gap0, change.slip0, np.zeros(len(change.gap0)), ())
 
 
-def bounds_before(answer: Answer) -> Array:
-    """Bounds of friction at the beginning of the step, zero at open points, (m,)."""
-    before, interface = answer.before, answer.model.interface
-    assert before is not None
-    rule = FrictionRule(interface.laws, before.area, before.reference)
-    bound = rule.bound(before.normal_force, before.slip)
-    return np.where(before.status == OPEN, 0.0, bound)
-
-
 def driven(tangent: Tangent, change: Change, before: Rates | None) -> Conditions:
     """The conditions of a step with what a change and the step before make of anchors and offsets."""
     slopes, offset = tangent.slopes, np.einsum("ikl,il->ik", tangent.slopes.by_map, change.friction)
@@ -199,7 +188,7 @@ def _lost(tangent: Tangent) -> tuple[Array, Array, Array]:
     answer = tangent.answer
     interface = answer.model.interface
     way = lengths(answer.plastic_slip)
-    mean = 0.5 * (tangent.bound + bounds_before(answer))
+    mean = 0.5 * (tangent.bound + answer.bound_before)
     along = answer.plastic_slip * (mean / np.where(way > 0, way, 1.0))[:, None]
     return way, along, interface.stiffness[:, None]
 

@@ -102,7 +102,7 @@ class Tangent:
     >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
     >>> tangent = sc.ContactSolver(block, foot).solve().linearized
     >>> tangent.status.tolist(), tangent.kinks.tolist()
-    ([2, 2, 1, 1, 1], [])
+    ([2, 1, 1, 1, 2], [])
     >>> tangent.slope[tangent.status == 2].round(12).tolist()
     [[-0.3], [-0.3]]
     """
@@ -110,7 +110,7 @@ class Tangent:
     def __init__(self, answer: Answer, space: PointSpace | None = None) -> None:
         refuse(answer)
         problem = answer.model.for_tangents
-        assert problem is not None and answer.before is not None
+        assert problem is not None
         self.answer, self.problem = answer, problem
         own = problem.space
         self.space = space or PointSpace(own.S, own.normal_rows, own.tangential_rows)
