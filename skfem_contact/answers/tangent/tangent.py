@@ -104,7 +104,7 @@ class Tangent:
     >>> tangent.status.tolist(), tangent.kinks.tolist()
     ([2, 1, 1, 1, 2], [])
     >>> tangent.slope[tangent.status == 2].round(12).tolist()
-    [[-0.3], [-0.3]]
+    [[0.3], [-0.3]]
     """
 
     def __init__(self, answer: Answer, space: PointSpace | None = None) -> None:
