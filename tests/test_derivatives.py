@@ -11,7 +11,7 @@ import skfem as fem
 from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 from rectangles import block, rectangle
-from states import NUMBERS, QUANTITIES, State, forward, quantities, worst
+from states import NUMBERS, QUANTITIES, State, box, forward, quantities, worst
 
 import skfem_contact as sc
 
@@ -173,6 +173,47 @@ def test_loads_and_tools_by_differences():
         for name in QUANTITIES:
             wanted = (high[name] - low[name]) / (2 * h)
             assert_allclose(getattr(own, name), wanted, rtol=CLOSE, atol=1e-7 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_supports_that_reach_into_the_contact(dim):
+    """On a tool a guided side has its slips prescribed, or one of two tangents."""
+    basis = State(4, 2).bases[1] if dim == 2 else box(-0.6, 0.6, 0.0, 0.8, (3, 3, 2))
+    side, top = basis.nodal_dofs[0, basis.mesh.p[0] == -0.6], basis.get_dofs("top")
+    floor = sc.RigidPlane((0,) * dim, np.eye(dim)[-1] + 0.1 * np.eye(dim)[0])  # normals meet supports
+    body = sc.Body(basis, linear_elasticity(1.0, 0.7), D=np.union1d(top.all(), side), name="up")
+    foot = sc.Contact(body.surface("bottom"), floor, friction=sc.Coulomb(0.3), gap=0.0, name="foot")
+    solver = sc.ContactSolver(body, foot, options=sc.Options(tolerance=1e-14))
+    along, push = np.random.default_rng(2).uniform(-1, 1, basis.N), np.zeros(basis.N)
+    push[top.all(f"u^{dim}")], push[top.all("u^1")], push[side] = -0.01, 0.001, 0.003
+    if dim == 3:
+        push[top.all("u^2")] = -0.001
+
+    def steps(t):
+        return [{"x": {"up": share * push + t * along}} for share in (0.6, 1.0)]
+
+    by = sc.Parameter("displacement", "up", along=along), sc.Parameter("displacement", "up", field=True)
+    found = solver.gradient(whole, steps(0.0), by=by)
+    values = found.results[-1]
+    assert np.all(values.status[values.points[:, 0] == -0.6] == 2)
+    low, high = (whole(list(solver.history(steps(t))))[0] for t in (-1e-6, 1e-6))
+    assert_allclose(found.parts[0], (high - low) / 2e-6, rtol=CLOSE)
+    wanted = by_hand(found.results, by[0], whole(found.results)[1])
+    assert_allclose(found.parts[0], wanted, rtol=1e-11)
+    assert_allclose(found.parts[1] @ along, wanted, rtol=1e-11)
+
+
+def test_a_scene_tells_what_its_number_does():
+    """Two scenes with another friction, stiffness or interference, against the number itself."""
+    state = State(4, 2)
+    results = state.history()
+    for by in ("friction", "stiffness", "interference"):
+        h = 1e-4 if by != "interference" else 1e-6
+        scene = sc.Parameter("scene", between=(state.solver(by, -h), state.solver(by, h), 2 * h))
+        one, other = forward(results, scene), forward(results, state.parameter(by))
+        for name in QUANTITIES:
+            wanted = np.asarray(getattr(other, name))
+            assert_allclose(getattr(one, name), wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
 
 
 # -- place of nodes -------------------------------------------------------------------------------
