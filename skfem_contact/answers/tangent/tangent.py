@@ -126,8 +126,7 @@ class Tangent:
         self.elastic = sticks & interface.frictional & ~exact
         if local.slip.shape[1] > 1:
             # where nothing has slipped yet no direction turns: as if it stuck, and a kink
-            way, slip = lengths(answer.plastic_slip), lengths(local.slip)
-            still = self.slips & exact & (way <= SOLVED * slip)
+            still = self.slips & exact & ~self.slid
             self.slips, self.stick = self.slips & ~still, self.stick | still
 
     @cached_property
@@ -238,14 +237,13 @@ class Tangent:
         """
         local, interface = self.local, self.answer.model.interface
         rho = self.problem.resistance
-        force = largest(np.maximum(np.abs(local.normal_force), lengths(local.tangential_force)))
         opens = np.where(interface.bilateral, np.inf, local.normal_force)
         along = np.sum(self.answer.plastic_slip * self.toward, axis=1)
         slides = np.where(local.status == SLIP, rho.tangential * along, self._lacking)
         closed = np.minimum(opens, np.where(interface.frictional, slides, np.inf))
         gap = np.where(np.isfinite(local.gap), local.gap, np.inf)
         found = np.where(self.closed, closed, np.where(gap < np.inf, rho.normal * gap, np.inf))
-        return np.asarray(np.maximum(found, 0.0) / (force or 1.0))
+        return np.asarray(np.maximum(found, 0.0) / self.largest_force)
 
     @cached_property
     def _lacking(self) -> Array:
@@ -267,10 +265,9 @@ class Tangent:
     def touching(self) -> Mask:
         """Points that neither press nor are apart, (m,)."""
         local = self.local
-        force = largest(np.maximum(np.abs(local.normal_force), lengths(local.tangential_force)))
         rho = self.problem.resistance.normal
         gap = np.where(np.isfinite(local.gap), local.gap, np.inf)
-        near = np.where(self.closed, local.normal_force, rho * gap) <= SOLVED * (force or 1.0)
+        near = np.where(self.closed, local.normal_force, rho * gap) <= SOLVED * self.largest_force
         return np.asarray(near & ~self.answer.model.interface.bilateral)
 
     @cached_property
@@ -281,8 +278,15 @@ class Tangent:
     @cached_property
     def slid(self) -> Mask:
         """Points whose slip in the step is more than round-off, (m,): it tells where friction acts."""
-        way = lengths(self.answer.plastic_slip)
-        return np.asarray(way > SOLVED * largest(lengths(self.local.slip)))
+        resisted = self.problem.resistance.tangential * lengths(self.answer.plastic_slip)
+        return np.asarray(resisted > SOLVED * self.largest_force)
+
+    @cached_property
+    def largest_force(self) -> float:
+        """The largest force of a point, one where there is none [force]."""
+        local = self.local
+        forces = np.maximum(np.abs(local.normal_force), lengths(local.tangential_force))
+        return largest(forces) or 1.0
 
     def with_statuses(self, other: dict[int, tuple[int, Array]]) -> Tangent:
         """The tangent with other statuses of some points, and the directions in which they slip."""
