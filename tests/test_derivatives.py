@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import time
 from dataclasses import dataclass
 
@@ -412,6 +413,25 @@ def test_the_sparse_route_has_the_same():
         found.append(solver.gradient(lambda r: (0.0, [weights]), step, by=by).vector)  # noqa: B023
     assert np.all(np.abs(found[0]) > 0)
     assert_allclose(*found, rtol=1e-9)
+
+
+def test_a_body_that_friction_alone_holds():
+    """Its rigid motions are found with its loads; and a pickled result has the same derivatives."""
+    state = State(4, 2)
+    low = sc.Body(state.bases[0], state.K[0], D="bottom", name="low")
+    up = sc.Body(state.bases[1], state.K[1], f={"top": (0.001, -0.01)}, name="up")
+    joint = sc.Contact(up.surface("bottom"), low.surface("top"), friction=sc.Coulomb(0.4), name="joint")
+    solver = sc.ContactSolver([low, up], joint)
+    result, h = solver.solve(), 1e-5
+    assert {1, 2} <= set(result.status)
+    less, more = (solver.solve(f={"up": 1 + side * h}) for side in (-1, 1))
+    found = result.sensitivity("load")
+    assert_allclose(found.u, (more.u - less.u) / (2 * h), atol=CLOSE * np.abs(found.u).max())
+    backwards = solver.gradient(lambda r: (0.0, [{"u": np.ones(len(r[0].u))}]), [1.0], by="load")
+    assert_allclose(backwards.parts[0], found.u.sum(), rtol=1e-12)
+    travelled = pickle.loads(pickle.dumps(result)).sensitivity("load")
+    assert_allclose(travelled.pressure, found.pressure, rtol=1e-12, atol=1e-14)
+    assert travelled.dissipation == pytest.approx(found.dissipation, rel=1e-9)
 
 
 # -- what has none --------------------------------------------------------------------------------
