@@ -29,6 +29,11 @@ AT_CONTACT = "gap", "normal_force", "pressure", "slip", "tangential_force", "for
 AT_ALL = "u", "displacement", "dissipation"
 
 
+def _its(quantity: str, words: str) -> Any:
+    """A property: the rates of a quantity of the only contact."""
+    return property(lambda rates: rates.of(quantity), doc=words)
+
+
 class Sensitivity:
     """Derivatives of a result by one number, as the quantities of the result have them.
 
@@ -90,35 +95,12 @@ class Sensitivity:
         i, part = _which(self._rates.answer, contact, quantity)
         return self._sign * _quantity(self._rates, quantity, i, part)
 
-    @property
-    def gap(self) -> Array:
-        """Of the gaps of the only contact, (m,)."""
-        return self.of("gap")
-
-    @property
-    def normal_force(self) -> Array:
-        """Of the normal forces, (m,)."""
-        return self.of("normal_force")
-
-    @property
-    def pressure(self) -> Array:
-        """Of the pressures, (m,)."""
-        return self.of("pressure")
-
-    @property
-    def slip(self) -> Array:
-        """Of the slips, (m, d-1)."""
-        return self.of("slip")
-
-    @property
-    def tangential_force(self) -> Array:
-        """Of the friction on the secondary, (m, d-1)."""
-        return self.of("tangential_force")
-
-    @property
-    def force(self) -> Array:
-        """Of the resultant on the secondary, (d,)."""
-        return self.of("force")
+    gap: Array = _its("gap", "Of the gaps of the only contact, (m,).")
+    normal_force: Array = _its("normal_force", "Of the normal forces, (m,).")
+    pressure: Array = _its("pressure", "Of the pressures, (m,).")
+    slip: Array = _its("slip", "Of the slips, (m, d-1).")
+    tangential_force: Array = _its("tangential_force", "Of the friction on the secondary, (m, d-1).")
+    force: Array = _its("force", "Of the resultant on the secondary, (d,).")
 
     def dot(self, weights: Mapping[str, Any]) -> float:
         """Derivative of a function of the result, given as for `ContactSolver.gradient`."""
