@@ -1,0 +1,450 @@
+r"""`Tangent`: the equations of contact and friction linearised at an answer.
+
+At an answer every point is open, stuck or slipping. As long as none changes, gaps g, slips s and forces
+follow linear equations: an open point carries nothing, a closed one keeps its gap, a stuck one its
+slip, and the friction of a slipping one follows from the return map P (`return_map`) at its trial force
+``t = tau + k (s - s_n)``,
+
+    d tau = J dt + c d lambda + B d(s - s_0) + dP,      J, c, B = dP/dt, dP/d lambda, dP/ds.
+
+With a finite tangential stiffness ``k = G`` and tau in t is the one of the step before. Where sticking
+is exact it is that of this step, for any k, and the equation is solved for it,
+
+    d tau = M (k J d(s - s_n) + c d lambda + B d(s - s_0) + dP),      M = (1 - J)^-1.
+
+With Coulomb's law ``M k J = L / |s - s_n| (1 - d d')``, whatever k is: the spring across the direction
+d of friction is that of the answer itself. The last linear solve of an iteration has that of an iterate
+before, which is why it is not taken from there.
+
+These are the conditions of one more linear solve (`problem.response.Conditions`), in which anchors and
+offsets are what the step before and the parameter make of them.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, vstack
+
+from skfem_contact.answers.answer import Answer
+from skfem_contact.arrays import largest, lengths
+from skfem_contact.conditions.friction import FrictionLaw
+from skfem_contact.conditions.friction_rule import FrictionRule
+from skfem_contact.conditions.return_map import Derivatives
+from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.conditions.thresholds import BEYOND
+from skfem_contact.digits import SOLVED
+from skfem_contact.errors import InputError
+from skfem_contact.problem.response import Conditions
+from skfem_contact.problem.zone import Zone, Zones
+from skfem_contact.records import dataclass
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Derivatives of the friction forces of slipping points; zero at all others.
+
+    Attributes
+    ----------
+    spring, by_trial, by_slip, by_map : ndarray, shape (m, d-1, d-1)
+        By the slip since the last step, ``M k J + M B``; by the friction of the last step; by the slip
+        that bounds follow, ``M B``; and by the return map itself, M.
+    by_normal : ndarray, shape (m, d-1)
+        By the normal force.
+    trial : ndarray, shape (m, d-1)
+        The trial forces at which the return map is asked [force].
+    """
+
+    spring: Array
+    by_trial: Array
+    by_slip: Array
+    by_map: Array
+    by_normal: Array
+    trial: Array
+
+
+class Tangent:
+    r"""The equations of contact and friction linearised at an answer, which `result.linearized` is.
+
+    It holds while no point changes its status: `margin` says how far each is from that, and `kinks` are
+    the points that are on the verge, where the answer has a derivative to either side only.
+
+    Attributes
+    ----------
+    status : ndarray of int, shape (m,)
+        0 open, 1 stick, 2 slip, of all points, one contact after the other.
+    direction : ndarray, shape (m, d-1)
+        Unit direction of the force that resists at a slipping point; zero at the others.
+    slope : ndarray, shape (m, d-1)
+        Derivative of that force by the normal force, ``mu d``: the part of friction that follows the
+        pressure, and makes the equations unsymmetric.
+    spring : ndarray, shape (m, d-1, d-1)
+        Its derivative by the slip: in space ``L / |ds| (1 - d d')``, as the direction of friction turns
+        with the slip ``ds`` of the step [force/length].
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> tangent = sc.ContactSolver(block, foot).solve().linearized
+    >>> tangent.status.tolist(), tangent.kinks.tolist()
+    ([2, 1, 1, 1, 2], [])
+    >>> tangent.slope[tangent.status == 2].round(12).tolist()
+    [[0.3], [-0.3]]
+    """
+
+    def __init__(self, answer: Answer, zones: Zones | None = None) -> None:
+        refuse(answer)
+        problem = answer.model.for_tangents
+        assert problem is not None
+        self.answer, self.problem = answer, problem
+        self.zones = zones or Zones(problem.compliance)
+        self.local = local = answer.local
+        interface = answer.model.interface
+        self.rule = FrictionRule(interface.laws, local.area, local.reference)
+        self.closed = local.status != OPEN
+        self.exact = exact = np.isinf(interface.stiffness)
+        self.stiffness = np.where(exact, 0.0, interface.stiffness)
+        sticks = local.status == STICK
+        self.slips = (local.status == SLIP) & interface.frictional
+        self.stick = sticks & (interface.frictional & exact | interface.tied)
+        self.elastic = sticks & interface.frictional & ~exact
+        if local.slip.shape[1] > 1:
+            # where nothing has slipped yet no direction turns: as if it stuck, and a kink
+            still = self.slips & exact & ~self.slid
+            self.slips, self.stick = self.slips & ~still, self.stick | still
+
+    @cached_property
+    def status(self) -> NDArray[np.intp]:
+        """See the class: as results have it, 2 at closed points without friction or glue."""
+        smooth = ~self.answer.model.interface.slipping
+        return np.where(smooth & self.closed, SLIP, self.local.status)
+
+    @cached_property
+    def direction(self) -> Array:
+        """See the class."""
+        force, way = self.local.tangential_force, self.answer.plastic_slip
+        size = lengths(force)
+        # nearly without a bound friction has a direction all the same: that of the slip
+        tells = (size > SOLVED * largest(size)) | ~way.any(axis=1)
+        along = np.where(tells[:, None], force, way)
+        size = np.where(tells, size, lengths(way))
+        return np.where(self.slips[:, None], along / np.where(size > 0, size, 1.0)[:, None], 0.0)
+
+    @cached_property
+    def slopes(self) -> Slopes:
+        """Derivatives of the friction of slipping points."""
+        local, rule, t = self.local, self.rule, self.local.slip.shape[1]
+        still = np.zeros((len(self.status), t, t))
+        elastic = not self.exact.all()
+        if t == 1 and rule.steady:  # nothing turns
+            by = Derivatives(still, self.bound_slope[:, None] * self.direction, still)
+            trial = BEYOND * self.direction
+            k = self.stiffness[:, None]
+        else:
+            way, force = self.answer.plastic_slip, lengths(local.tangential_force)
+            moved = lengths(way)
+            # with exact sticking any stiffness does: one that makes the trial force twice the bound
+            k = np.where(force > 0, force, 1.0) / np.where(moved > 0, moved, 1.0)
+            k = np.where(self.exact, k, self.stiffness)[:, None]
+            trial = local.tangential_force + k * way if t > 1 else BEYOND * self.direction
+            by = self._of_slipping(rule.mapped(trial, local.normal_force, local.slip)[2])
+        unit, J = np.eye(t), by.trial
+        M = unit * self.slips[:, None, None]
+        if J is not still:
+            M = M @ np.linalg.inv(unit - np.where(self.exact[:, None, None], J, 0.0))
+        spring, before = k[:, :, None] * J if J is not still else still, still
+        if elastic:
+            on = self.elastic[:, None, None]
+            before = np.where(on, unit, np.where(self.exact[:, None, None], 0.0, J))
+            spring = np.where(on, k[:, :, None] * unit, spring)
+        if J is not still:
+            spring = np.where(self.slips[:, None, None], M @ spring, spring)
+        by_normal = by.normal_force
+        if t > 1:
+            by_normal = np.einsum("ikl,il->ik", M, by_normal)
+        if rule.steady:  # round-off alone takes springs from being symmetric
+            spring = 0.5 * (spring + spring.swapaxes(1, 2)) if t > 1 else spring
+            return Slopes(spring, before, still, M, by_normal, trial)
+        B = M @ by.slip
+        return Slopes(spring + B, before, B, M, by_normal, trial)
+
+    def _of_slipping(self, by: Derivatives) -> Derivatives:
+        """Derivatives of slipping points alone; the bound of glue that is pulled stays as it is."""
+        on = self.slips[:, None]
+        return Derivatives(
+            np.where(on[:, :, None], by.trial, 0.0),
+            np.where(on & self.presses[:, None], by.normal_force, 0.0),
+            np.where(on[:, :, None], by.slip, 0.0),
+        )
+
+    @property
+    def slope(self) -> Array:
+        """See the class."""
+        return self.slopes.by_normal
+
+    @property
+    def spring(self) -> Array:
+        """See the class; of a point that sticks with a finite stiffness that stiffness."""
+        return self.slopes.spring
+
+    @cached_property
+    def conditions(self) -> Conditions:
+        """What a linear solve holds every point to, with nothing that drives it."""
+        still, slopes = np.zeros(self.local.slip.shape), self.slopes
+        return Conditions(self.closed, self.stick, still, slopes.spring, still, slopes.by_normal)
+
+    @property
+    def zone(self) -> tuple[Zone, object]:
+        """The dense problem of points that may carry a force, and the key of the conditions."""
+        return self.zones.fitting(self.conditions, self.local.gap)
+
+    # -- how far it holds -----------------------------------------------------------------------
+
+    @cached_property
+    def bound(self) -> Array:
+        """Bound of the friction force, zero at open points, (m,) [force]."""
+        return np.where(self.closed, self.rule.bound(self.local.normal_force, self.local.slip), 0.0)
+
+    @cached_property
+    def presses(self) -> Mask:
+        """Closed points whose bound follows the normal force: not of glue that is pulled, (m,)."""
+        pulled = self.answer.model.interface.bilateral & (self.local.normal_force < 0)
+        return self.closed & ~pulled
+
+    @cached_property
+    def bound_slope(self) -> Array:
+        """Derivative of the bounds by the normal force, zero at open points, (m,)."""
+        return np.where(self.presses, self.rule.slope(self.local.normal_force, self.local.slip), 0.0)
+
+    @cached_property
+    def margin(self) -> Array:
+        """How far each point is from its next change, shape (m,): a force over the largest one.
+
+        Of a closed point its normal force, or what friction lacks to its bound; of an open one its gap,
+        and of a slipping one its slip in the step, times what the point resists by itself. Infinite
+        where nothing can change.
+        """
+        local, interface = self.local, self.answer.model.interface
+        rho = self.problem.resistance
+        opens = np.where(interface.bilateral, np.inf, local.normal_force)
+        along = np.sum(self.answer.plastic_slip * self.toward, axis=1)
+        slides = np.where(local.status == SLIP, rho.tangential * along, self._lacking)
+        closed = np.minimum(opens, np.where(interface.frictional, slides, np.inf))
+        gap = np.where(np.isfinite(local.gap), local.gap, np.inf)
+        found = np.where(self.closed, closed, np.where(gap < np.inf, rho.normal * gap, np.inf))
+        return np.asarray(np.maximum(found, 0.0) / self.largest_force)
+
+    @cached_property
+    def _lacking(self) -> Array:
+        """What friction lacks to its bound, (m,) [force]."""
+        return self.bound - lengths(self.local.tangential_force)
+
+    @cached_property
+    def toward(self) -> Array:
+        """Unit direction of the friction force of every point, zero without one."""
+        size = lengths(self.local.tangential_force)
+        return self.local.tangential_force / np.where(size > 0, size, 1.0)[:, None]
+
+    @cached_property
+    def kinks(self) -> Index:
+        """Points at which the answer has a kink: a derivative to either side, which may differ."""
+        return np.flatnonzero(self.margin <= SOLVED)
+
+    @cached_property
+    def touching(self) -> Mask:
+        """Points that neither press nor are apart, (m,)."""
+        local = self.local
+        rho = self.problem.resistance.normal
+        gap = np.where(np.isfinite(local.gap), local.gap, np.inf)
+        near = np.where(self.closed, local.normal_force, rho * gap) <= SOLVED * self.largest_force
+        return np.asarray(near & ~self.answer.model.interface.bilateral)
+
+    @cached_property
+    def switched(self) -> Mask:
+        """Points that `with_statuses` has given another status, (m,)."""
+        return np.zeros(len(self.status), dtype=bool)
+
+    @cached_property
+    def slid(self) -> Mask:
+        """Points whose slip in the step is more than round-off, (m,): it tells where friction acts."""
+        resisted = self.problem.resistance.tangential * lengths(self.answer.plastic_slip)
+        return np.asarray(resisted > SOLVED * self.largest_force)
+
+    @cached_property
+    def largest_force(self) -> float:
+        """The largest force of a point, one where there is none [force]."""
+        local = self.local
+        forces = np.maximum(np.abs(local.normal_force), lengths(local.tangential_force))
+        return largest(forces) or 1.0
+
+    def with_statuses(self, other: dict[int, tuple[int, Array]]) -> Tangent:
+        """The tangent with other statuses of some points, and the directions in which they slip."""
+        new, frictional = copy(self), self.answer.model.interface.frictional
+        slope = self.rule.slope(np.maximum(self.local.normal_force, 0.0), self.local.slip)
+        new.closed, new.stick, new.slips = self.closed.copy(), self.stick.copy(), self.slips.copy()
+        direction, by_normal = self.direction.copy(), self.slope.copy()
+        new.switched, by_map = self.switched.copy(), self.slopes.by_map.copy()
+        for i, (status, way) in other.items():
+            new.closed[i], new.slips[i] = status != OPEN, status == SLIP
+            new.stick[i] = status == STICK and frictional[i]
+            new.switched[i], direction[i] = True, way
+            by_normal[i], by_map[i] = slope[i] * way, np.eye(len(way)) * (status == SLIP)
+        new.direction, new.slopes = direction, replace(self.slopes, by_normal=by_normal, by_map=by_map)
+        for name in (
+            "conditions",
+            "presses",
+            "bound_slope",
+            "bound",
+            "K",
+            "T",
+            "W",
+            "K_r",
+            "K_friction",
+        ):
+            vars(new).pop(name, None)
+        return new
+
+    # -- matrices, on request -------------------------------------------------------------------
+
+    @cached_property
+    def K(self) -> csr_matrix:
+        """Stiffness of all bodies with the springs of slipping points, (n, n) [force/length]."""
+        from scipy.sparse import block_diag
+
+        stiffness = csr_matrix(block_diag(self.answer.stiffness, format="csr"))
+        if self.conditions.gives:
+            t = self.spring.shape[1]
+            point, k, j = np.nonzero(self.spring)
+            shape = (len(self.status) * t,) * 2
+            springs = csr_matrix((self.spring[point, k, j], (point * t + k, point * t + j)), shape)
+            B_t = self.answer.kin.B_t
+            stiffness = csr_matrix(stiffness + B_t.T @ springs @ B_t)
+        return stiffness
+
+    @property
+    def rows(self) -> csr_matrix:
+        """Rows whose product with rates of u is zero: closed gaps, then slips that stick, (k, n)."""
+        return self._rows(coupled=False)
+
+    @cached_property
+    def T(self) -> csr_matrix:
+        """Rates of u that `rows` and supports leave free, ``u = T u_r``, (n, r)."""
+        return self._basis(self.rows)
+
+    @cached_property
+    def W(self) -> csr_matrix:
+        """Virtual displacements on which contact forces do no work, friction included, (n, r).
+
+        Of as many columns as `T`, and T itself where no friction follows the pressure.
+        """
+        return self._basis(self._rows(coupled=True)) if np.any(self.slope) else self.T
+
+    @cached_property
+    def K_r(self) -> csr_matrix:
+        """Stiffness of what is free to move, ``W' K T``, (r, r) [force/length]."""
+        return csr_matrix(self.W.T @ self.K @ self.T)
+
+    @cached_property
+    def K_friction(self) -> csr_matrix:
+        """The part of `K_r` by friction that follows the pressure, ``(W - T)' K T``, (r, r)."""
+        return csr_matrix((self.W - self.T).T @ self.K @ self.T)
+
+    def _rows(self, coupled: bool) -> csr_matrix:
+        kin = self.answer.kin
+        m, t = self.slope.shape
+        stuck = np.repeat(self.stick, t)
+        normal = kin.B_n
+        if coupled and t:
+            point, k = np.nonzero(self.slope)
+            follows = csr_matrix((self.slope[point, k], (point, point * t + k)), (m, m * t))
+            normal = csr_matrix(normal - follows @ kin.B_t)
+        held = [normal[self.closed]]
+        if stuck.any():
+            held.append(kin.B_t[stuck])
+        return csr_matrix(vstack(held))
+
+    def _basis(self, rows: csr_matrix) -> csr_matrix:
+        from skfem_contact.elimination.eliminate import eliminate
+
+        system = self.answer.system
+        return csr_matrix(eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n)).T)
+
+    def __repr__(self) -> str:
+        count = [int(np.sum(self.status == k)) for k in (OPEN, STICK, SLIP)]
+        kinks = "no kinks" if not len(self.kinks) else f"kinks at points {self.kinks.tolist()}"
+        return "<Tangent: {} open, {} stick, {} slip; {}>".format(*count, kinks)
+
+
+def differentiable(law: FrictionLaw) -> bool:
+    """Whether a law says how its bound changes: one of ours, or with a slope or map of its own."""
+    own = type(law)
+    return own.slope is not FrictionLaw.slope or own.return_map is not FrictionLaw.return_map
+
+
+def refuse(answer: Answer) -> None:
+    """Raise `InputError` for an answer that has no tangent, with the reason.
+
+    Raises
+    ------
+    InputError
+    """
+    model, why = answer.model, ""
+    interface = model.interface
+    if not answer.converged:
+        why = f"it did not converge ({answer.message})"
+    elif model.geometry.follows:
+        why = (
+            'contact slides far (sliding="finite"): how its pairing changes is not differentiated. '
+            'Where slips are short, sliding="small" has derivatives'
+        )
+    elif interface.wear or np.any(answer.state.wear):
+        why = "surfaces wear: the depth worn off is not differentiated. Leave wear out of the contact"
+    elif answer.parts > 1:
+        why = (
+            f"its load step was cut into {answer.parts} parts, whose states are not kept. Give the "
+            "history smaller steps"
+        )
+    elif answer.springs:
+        why = (
+            "conditions of its points depend on each other, so that forces are not unique. Let "
+            "contacts share no edge, and make a held tool no finer than what it presses"
+        )
+    elif answer.indifferent:
+        why = "a body may stand elsewhere as well. Prescribe a DOF (D=...)"
+    else:
+        why = _law_words(answer)
+    if not why and model.for_tangents is None:
+        why = (
+            f"the contact problem has no matrix on this route ({model.route}). Make the solver with "
+            'linear="condensed"'
+        )
+    if why:
+        raise InputError(f"this result has no derivatives: {why}.")
+
+
+def _law_words(answer: Answer) -> str:
+    """What is wrong with a law that has no derivatives."""
+    for _, law in answer.model.interface.laws:
+        if not differentiable(law.law):
+            name = type(law.law).__name__
+            return (
+                f"the law {name} of contact '{law.contact}' has no slopes of its own, and difference "
+                f"quotients would leave six digits. Give {name} a method slope(...), the derivative of "
+                "its limit by the normal force, or a return_map(...)"
+            )
+    return ""
