@@ -341,7 +341,7 @@ class ContactResult(ByContact):
         """
         from skfem_contact.answers.tangent.sensitivity import sensitivity
 
-        return sensitivity(self._answer, self.linearized, by, after, side)
+        return sensitivity(self.linearized, by, after, side)
 
     # -- printed ------------------------------------------------------------------------------
 

@@ -157,8 +157,7 @@ def parameters(by: Any, many: bool) -> tuple[Parameter, ...]:
         raise InputError("by is empty: name what to differentiate by, by=['friction']")
     if not many and any(p.field or p.each_step for p in found):
         raise InputError(
-            "jacobian: each parameter is one number; those with field=True or each_step=True are for "
-            "gradient, which takes any number of them"
+            "jacobian: each parameter is one number; field=True and each_step=True are for gradient"
         )
     return found
 
@@ -170,8 +169,8 @@ def _derivatives(given: Any, results: Sequence[ContactResult], what: str) -> tup
         derivatives = list(derivatives)
     except (TypeError, ValueError):
         raise InputError(
-            f"{what} returned {shown(given)}; it has to return (value, derivatives), the derivatives "
-            "as a list with a dict for each result, None where it does not depend on it"
+            f"{what} returned {shown(given)}; it has to return (value, derivatives), these a list with "
+            "a dict for each result, None where it does not depend on it"
         ) from None
     if len(derivatives) != len(results):
         raise InputError(f"{what} returned {len(derivatives)} derivatives for {len(results)} results")
@@ -185,7 +184,7 @@ def gradient(
     by = parameters(by, many=True)
     results, tangents = solved(solver, steps, start, by)
     value, given = _derivatives(objective(results), results, "the objective")
-    loads = any(needs_loads(p) for p in by)
+    loads = any(map(needs_loads, by))
     found: list[list[Any]] = [[] for _ in by]
     after: Carried | None = None
     with single_threaded():
@@ -195,9 +194,9 @@ def gradient(
                 check_lost(tangent)
             duals, after = backward(tangent, weights, after, loads)
             for p, parts in zip(by, found, strict=True):
-                part = contracted(p, tangent, tangent.answer, duals)
+                part = contracted(p, tangent, duals)
                 if p.kind == "scene":
-                    part += weights.directly(change(p, tangent, tangent.answer))
+                    part += weights.at(change(p, tangent).shape)
                 parts.append(part)
     parts = [np.array(own[::-1]) if p.each_step else sum(own) for p, own in zip(by, found, strict=True)]
     return Gradient(float(value), by, parts, results)
@@ -221,7 +220,7 @@ def jacobian(
     for j, p in enumerate(by):
         known: Sensitivity | None = None
         for tangent, own in zip(tangents, rows, strict=True):
-            known = sensitivity(tangent.answer, tangent, p, known, side)
+            known = sensitivity(tangent, p, known, side)
             for i, weights in own:
                 matrix[i, j] += known.dot(weights)
     return Jacobian(values, matrix, by, results)
@@ -233,8 +232,8 @@ def _rows(tangent: Tangent, given: Any, count: int) -> list[tuple[int, Any]]:
         return []
     if not isinstance(given, dict) or not all(isinstance(key, int | np.integer) for key in given):
         raise InputError(
-            f"derivatives of observe are {shown(given)}; give for each result a dict from the numbers "
-            "of the values that depend on it to their derivatives, {3: {'force': (1.0, 0.0)}}"
+            f"derivatives of observe are {shown(given)}; give for each result a dict by the number of "
+            "the value, {3: {'force': (1.0, 0.0)}}"
         )
     wrong = [key for key in given if not 0 <= key < count]
     if wrong:

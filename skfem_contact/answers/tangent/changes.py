@@ -9,6 +9,7 @@ contact forces, without solving either.
 
 from __future__ import annotations
 
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -43,9 +44,8 @@ class Change:
         Of the friction force that the return map makes of the same trial force [force].
     bound : ndarray, shape (m,)
         Of the bound of friction under the same normal force [force].
-    area : ndarray, shape (m,), or None
-    axes : tuple of ndarray, or None
-        Of normals (m, d) and tangents (m, d-1, d).
+    shape : dict of ndarray
+        Of areas, normals and axes, as `Weights.points` has them; empty where they stay.
     """
 
     f: Array
@@ -54,8 +54,7 @@ class Change:
     slip0: Array
     friction: Array
     bound: Array
-    area: Array | None = None
-    axes: tuple[Array, Array] | None = None
+    shape: dict[str, Array] = field(default_factory=dict)
 
     @classmethod
     def none(cls, answer: Answer) -> Change:
@@ -68,6 +67,17 @@ class Change:
     def parts(self) -> tuple[Array, ...]:
         """The changes of loads, of the contact, and of its friction."""
         return self.f, self.x, self.gap0, self.slip0, self.friction, self.bound
+
+    @property
+    def case(self) -> LoadCase:
+        """What the bodies and the points see of it, as a load case."""
+        return LoadCase(self.f, self.x, self.gap0, self.slip0, np.zeros(len(self.gap0)), ())
+
+    def minus(self, other: Change, factor: float) -> Change:
+        """The difference to another one, times a factor."""
+        shape = {name: factor * (own - other.shape[name]) for name, own in self.shape.items()}
+        parts = zip(self.parts, other.parts, strict=True)
+        return Change(*(factor * (own - away) for own, away in parts), shape)
 
 
 class Parameter:
@@ -129,13 +139,11 @@ class Parameter:
         if kind not in KINDS:
             raise InputError(f"a parameter is {shown(kind)}; it may be one of {', '.join(KINDS)}.")
         if (kind == "scene") != (between is not None):
-            raise InputError(
-                "between=(solver, solver, width) belongs to Parameter('scene'), and is needed there"
-            )
+            raise InputError("between=(solver, solver, width) belongs to 'scene', and is needed there")
         if field and (along is not None or kind in ("stiffness", "scene")):
             raise InputError(
                 f"Parameter({kind!r}, field=True): a field has a value for every point or DOF, so "
-                "it has no `along`, and there is none of a stiffness or a scene: give these one by one."
+                "it has no `along`; of a stiffness or a scene there is none: give them one by one."
             )
         if kind == "motion" and along is None and not field:
             raise InputError("Parameter('motion'): give the direction, along=(1.0, 0.0)")
@@ -154,82 +162,67 @@ def parameter(given: Any) -> Parameter:
     return given if isinstance(given, Parameter) else Parameter(given)
 
 
-def change(by: Parameter, tangent: Tangent, answer: Answer) -> Change:
+def change(by: Parameter, tangent: Tangent) -> Change:
     """What a number changes of the load step of an answer."""
-    out = Change.none(answer)
+    answer = tangent.answer
+    kin, out = answer.kin, Change.none(answer)
+    along = 1.0 if by.along is None else by.along
     if by.kind == "scene":
-        return _between(by, tangent, answer)
-    if by.kind == "stiffness":
-        for i in _bodies(by, answer):
-            span = answer.system.slice(answer.system.bodies[i])
-            out.f[span] = -_stiffness(by, answer, i) @ answer.u[span]
-    elif by.kind in ("load", "displacement"):
-        _loaded(by, answer, out)
-    else:
-        for i, part in _contacts(by, answer):
-            _contact(by, tangent, answer, i, part, out)
+        return _between(by, tangent)
+    if by.kind in ("stiffness", "load", "displacement"):
+        for i, span in _bodies(by, answer):
+            if by.kind == "stiffness":
+                out.f[span] = -_stiffness(by, answer, i) @ answer.u[span]
+                continue
+            case, own = answer.case, out.f if by.kind == "load" else out.x
+            values = (case.f if by.kind == "load" else case.x)[span]
+            if by.along is not None:
+                values = _field(by, along, len(values)) * _factor(by, answer, i)
+            own[span] = values
+        D, x = answer.system.D, out.x
+        out.x = np.zeros(len(x))
+        out.x[D] = x[D]
+        return out
+    given = np.zeros(kin.m)
+    for i, part in _contacts(by, answer):
+        paired = kin.paired[part]
+        if by.kind == "motion":
+            v = numbers(along, f"{by!r}: along", "give the components of a translation")
+            if v.shape != kin.points.shape[1:]:
+                raise InputError(f"{by!r}: along has shape {v.shape}, not {kin.points.shape[1:]}")
+            out.gap0[part] = np.where(paired, -(kin.normal[part] @ v), 0.0)
+            out.slip0[part] = np.where(paired[:, None], -(kin.axes[part] @ v), 0.0)
+        elif by.kind == "friction":
+            steep = by_coefficient(tangent, i, part)
+            out.bound[part] = steep * _field(by, along, len(steep))
+        else:
+            given[part] = _field(by, along, len(paired)) * (1.0 if by.kind == "gap" else -1.0)
+    out.gap0 += np.where(kin.paired, kin.of_rows(given), 0.0)
+    out.friction = tangent.direction * np.where(tangent.slips, out.bound, 0.0)[:, None]
     return out
 
 
-def _contact(by: Parameter, tangent: Tangent, answer: Answer, i: int, part: slice, out: Change) -> None:
-    """Changes of one contact."""
-    kin, count = answer.kin, part.stop - part.start
-    if by.kind == "motion":
-        v = _vector(by, kin.points.shape[1])
-        out.gap0[part] = np.where(kin.paired[part], -(kin.normal[part] @ v), 0.0)
-        out.slip0[part] = -np.where(kin.paired[part, None], kin.axes[part] @ v, 0.0)
-        return
-    given = np.zeros(kin.m)
-    along = 1.0 if by.along is None else by.along
-    given[part] = _field(along, count, f"{by!r}: along")
-    if by.kind == "friction":
-        steep = by_coefficient(tangent, answer, i, part)
-        out.bound[part] = steep * given[part]
-        out.friction += tangent.direction * np.where(tangent.slips, out.bound, 0.0)[:, None]
-        out.friction[: part.start] = out.friction[part.stop :] = 0.0
-        return
-    gap = kin.of_rows(given) * (1.0 if by.kind == "gap" else -1.0)
-    out.gap0[:] += np.where(kin.paired, gap, 0.0)
-
-
-def by_coefficient(tangent: Tangent, answer: Answer, i: int, part: slice) -> Array:
+def by_coefficient(tangent: Tangent, i: int, part: slice) -> Array:
     """Derivative of the bounds of a contact by the coefficient of its law, (m_c,)."""
+    answer = tangent.answer
     law, area = answer.contacts[i].friction, answer.local.area[part]
     force = np.maximum(answer.local.normal_force[part], 0.0)
     if type(law) is Tresca:
         return np.where(tangent.closed[part], area, 0.0)
     if type(law) is not Coulomb:
         raise InputError(
-            f"Parameter('friction'): contact {answer.names[i]!r} has the law {type(law).__name__}, "
-            "which has no single coefficient. Use Parameter('scene', between=(...)) with two solvers "
-            "whose laws differ a little."
+            f"contact {answer.names[i]!r} has the law {type(law).__name__}, which has no single "
+            "coefficient. Use Parameter('scene', between=(...)), two solvers whose laws differ."
         )
     free = law.mu * force + law.cohesion * area < law.tau_max * np.maximum(area, 0.0)
     return np.where((free | np.isinf(law.tau_max)) & tangent.closed[part], force, 0.0)
 
 
-def _loaded(by: Parameter, answer: Answer, out: Change) -> None:
-    """Changes of loads, or of prescribed displacements."""
-    loads = by.kind == "load"
-    factor = answer.case.scale[0 if loads else 1]
-    for i in _bodies(by, answer):
-        body, span = answer.system.bodies[i], answer.system.slice(answer.system.bodies[i])
-        values = (answer.case.f if loads else answer.case.x)[span]
-        if by.along is not None:
-            scale = answer.system.scale(body)
-            values = _field(by.along, body.n, f"{by!r}: along") * (1.0 if factor is None else factor)
-            values = values / scale if loads else values * scale
-        if loads:
-            out.f[span] = values
-        else:
-            out.x[span][body.D] = values[body.D]
-
-
-def _between(by: Parameter, tangent: Tangent, answer: Answer) -> Change:
+def _between(by: Parameter, tangent: Tangent) -> Change:
     """Changes between two scenes, at the displacements and forces of the answer."""
     assert by.between is not None
     *ends, width = by.between
-    local, u = answer.local, answer.u
+    answer = tangent.answer
     if len({(s.system.n, s.kin.m, s.kin.paired.tobytes()) for s in (*ends, answer)}) != 1:
         raise InputError(
             f"{by!r}: the two scenes and the solver differ in their DOFs, points, or in which points "
@@ -237,31 +230,31 @@ def _between(by: Parameter, tangent: Tangent, answer: Answer) -> Change:
         )
     if answer.kin.scaled is not None:
         raise InputError(f"{by!r}: not with OrthotropicCoulomb, whose directions turn with the surface")
-    found = []
-    for solver in ends:
-        kin, case = solver.kin, _case_there(solver, answer)
-        K = [
-            K @ u[answer.system.slice(b)]
-            for K, b in zip(solver.linear_model.stiffness, answer.system.bodies, strict=True)
-        ]
-        f = case.f - np.concatenate(K) + kin.B_n.T @ local.normal_force
-        gap0 = np.where(kin.paired, case.gap0, 0.0) + np.where(kin.paired, kin.B_n @ u, 0.0)
-        slip0, bound = case.slip0, np.zeros(kin.m)
-        friction, axes = np.zeros(local.slip.shape), kin.axes
-        if friction.size:
-            own = _turned(answer, kin)
-            slip0 = slip0 + (kin.B_t @ u).reshape(slip0.shape)
-            slip0 = np.einsum("ikl,il->ik", own, slip0)
-            f = f - kin.B_t.T @ np.einsum("ikl,ik->il", own, local.tangential_force).ravel()
-            rule = FrictionRule(solver.interface.laws, kin.area, local.reference)
-            trial = np.where(tangent.slips[:, None], tangent.slopes.trial, 0.0)
-            friction = rule.project(trial, local.normal_force, local.slip)[0]
-            bound = np.where(tangent.closed, rule.bound(local.normal_force, local.slip), 0.0)
-            axes = np.einsum("ikl,ild->ikd", own, kin.axes)
-        found.append((f, case.x, gap0, slip0, friction, bound, kin.area, kin.normal, axes))
-    rates = [(b - a) / width for a, b in zip(*found, strict=True)]
-    f, x, gap0, slip0, friction, bound, area, normal, axes = rates
-    return Change(f, x, gap0, slip0, friction, bound, area, (normal, axes))
+    less, more = (_in_scene(solver, tangent) for solver in ends)
+    return more.minus(less, 1.0 / width)
+
+
+def _in_scene(solver: Any, tangent: Tangent) -> Change:
+    """What a scene makes of the displacements and forces of an answer, with loads and geometry."""
+    answer, local, u = tangent.answer, tangent.local, tangent.answer.u
+    kin, case, bodies = solver.kin, _case_there(solver, answer), answer.system.bodies
+    stiffness = zip(solver.linear_model.stiffness, bodies, strict=True)
+    borne = [K @ u[answer.system.slice(body)] for K, body in stiffness]
+    f = case.f - np.concatenate(borne) + kin.B_n.T @ local.normal_force
+    gap0 = np.where(kin.paired, case.gap0, 0.0) + np.where(kin.paired, kin.B_n @ u, 0.0)
+    slip0, bound = case.slip0, np.zeros(kin.m)
+    friction, axes = np.zeros(local.slip.shape), kin.axes
+    if friction.size:
+        own = _turned(answer, kin)
+        slip0 = np.einsum("ikl,il->ik", own, slip0 + (kin.B_t @ u).reshape(slip0.shape))
+        f = f - kin.B_t.T @ np.einsum("ikl,ik->il", own, local.tangential_force).ravel()
+        rule = FrictionRule(solver.interface.laws, kin.area, local.reference)
+        trial = np.where(tangent.slips[:, None], tangent.slopes.trial, 0.0)
+        friction = rule.project(trial, local.normal_force, local.slip)[0]
+        bound = np.where(tangent.closed, rule.bound(local.normal_force, local.slip), 0.0)
+        axes = np.einsum("ikl,ild->ikd", own, kin.axes)
+    shape = {"area": kin.area[:, None], "normal": kin.normal, "axes": axes.reshape(kin.m, -1)}
+    return Change(f, case.x, gap0, slip0, friction, bound, shape)
 
 
 def _turned(answer: Answer, kin: Any) -> Array:
@@ -294,89 +287,80 @@ def _case_there(solver: Any, answer: Answer) -> LoadCase:
 # -- whose ----------------------------------------------------------------------------------------
 
 
-def _bodies(by: Parameter, answer: Answer) -> list[int]:
+def _bodies(by: Parameter, answer: Answer) -> list[tuple[int, slice]]:
+    """Bodies of a parameter, with their DOFs."""
     system = answer.system
-    if by.of is None:
-        return list(range(len(system.bodies)))
     if isinstance(by.of, Contact):
         raise InputError(f"{by!r}: of is a contact; name a body")
-    return [system.index(by.of)]
+    some = range(len(system.bodies)) if by.of is None else [system.index(by.of)]
+    return [(i, system.slice(system.bodies[i])) for i in some]
 
 
 def _contacts(by: Parameter, answer: Answer) -> list[tuple[int, slice]]:
     """Contacts of a parameter, with their points."""
-    slices, names = answer.model.interface.point_slices, answer.names
+    names, contacts = answer.names, list(enumerate(answer.contacts))
     if by.of is None:
-        some = [
-            i
-            for i, contact in enumerate(answer.contacts)
-            if (contact.friction is not None or by.kind != "friction")
-            and (contact.rigid or by.kind != "motion")
-        ]
-        return [(i, slices[i]) for i in some]
-    some = [i for i, name in enumerate(names) if name == by.of]
-    some += [
-        i
-        for i, contact in enumerate(answer.contacts)
-        if by.kind == "motion" and contact.rigid and by.of == contact.primary.name and i not in some
-    ]
-    i = None if some else number_of(by.of, answer.contacts)
-    some = some if i is None else [i]
-    if not some:
+        lacks = {"friction": "friction", "motion": "rigid"}.get(by.kind, "name")
+        some = [i for i, contact in contacts if lacks == "name" or getattr(contact, lacks)]
+    else:
+        some = [i for i, contact in contacts if by.of == names[i]]
+        if by.kind == "motion":
+            some = some or [i for i, c in contacts if c.rigid and by.of == c.primary.name]
+        i = None if some else number_of(by.of, answer.contacts)
+        some = some if i is None else [i]
+    if not some and by.of is not None:
         raise InputError(f"{by!r}: there is no such contact; there are {', '.join(map(repr, names))}.")
-    return [(i, slices[i]) for i in some]
+    return [(i, answer.model.interface.point_slices[i]) for i in some]
+
+
+def _only(found: list[tuple[int, slice]], by: Parameter) -> tuple[int, slice]:
+    if len(found) != 1:
+        raise InputError(f"{by!r}: a field is of one body or contact; name it, of=...")
+    return found[0]
 
 
 def _stiffness(by: Parameter, answer: Answer, i: int) -> Any:
-    if by.along is None or (np.ndim(by.along) == 0 and not hasattr(by.along, "tocsr")):
+    if not hasattr(by.along, "tocsr"):
         return (1.0 if by.along is None else float(by.along)) * answer.stiffness[i]
-    body = answer.system.bodies[i]
-    K = by.along.tocsr()
+    body, K = answer.system.bodies[i], by.along.tocsr()
     if K.shape != (body.n, body.n):
         raise InputError(f"{by!r}: along has shape {K.shape}; a body of {body.n} DOFs was named")
     return answer.system.scaled(body, K)
 
 
-def _field(given: ArrayLike, count: int, what: str) -> Array:
-    values = numbers(given, what, "give a number, or one for each point or DOF")
+def _factor(by: Parameter, answer: Answer, i: int) -> Any:
+    """Of the loads or displacements of a body in a step over those that a user gives."""
+    scale, of_step = answer.system.scale(answer.system.bodies[i]), answer.case.scale
+    own = (1.0 / scale, of_step[0]) if by.kind == "load" else (scale, of_step[1])
+    return own[0] * (1.0 if own[1] is None else own[1])
+
+
+def _field(by: Parameter, given: ArrayLike, count: int) -> Array:
+    values = numbers(given, f"{by!r}: along", "give a number, or one for each point or DOF")
     if values.shape not in ((), (count,)):
-        raise InputError(f"{what} has shape {values.shape}, not ({count},): one for each point or DOF")
+        raise InputError(
+            f"{by!r}: along has shape {values.shape}, not ({count},): one for each of them"
+        )
     return np.broadcast_to(values, count).astype(float)
 
 
-def _vector(by: Parameter, d: int) -> Array:
-    v = numbers(by.along, f"{by!r}: along", f"give {d} components")
-    if v.shape != (d,):
-        raise InputError(f"{by!r}: along has shape {v.shape}; give the {d} components of a translation")
-    return v
+# -- backwards, from the derivatives of a number by all changes of a step --------------------------
 
 
-# -- fields, from the duals of a step -------------------------------------------------------------
-
-
-def contracted(by: Parameter, tangent: Tangent, answer: Answer, duals: Change) -> Any:
-    """Derivative of a number by a parameter in one step, from its derivatives by all changes."""
+def contracted(by: Parameter, tangent: Tangent, duals: Change) -> Any:
+    """Derivative of a number by a parameter in one step: a number, or the array of a field."""
+    answer, kin = tangent.answer, tangent.answer.kin
     if not by.field:
-        parts = zip(change(by, tangent, answer).parts, duals.parts, strict=True)
+        parts = zip(change(by, tangent).parts, duals.parts, strict=True)
         return sum(float(np.vdot(a, b)) for a, b in parts)
     if by.kind in ("load", "displacement"):
-        which = ("load", "displacement").index(by.kind)
-        bodies = _bodies(by, answer)
-        if len(bodies) != 1:
-            raise InputError(f"{by!r}: name the body, of=...; a field is of one")
-        body, factor = answer.system.bodies[bodies[0]], answer.case.scale[which]
-        scale = answer.system.scale(body)
-        own = (duals.f if which == 0 else duals.x)[answer.system.slice(body)]
-        own = own / scale if which == 0 else own * scale
-        return own * (1.0 if factor is None else factor)
-    contacts = _contacts(by, answer)
-    if len(contacts) != 1:
-        raise InputError(f"{by!r}: name the contact, of=...; a field is of one")
-    i, part = contacts[0]
+        i, span = _only(_bodies(by, answer), by)
+        return (duals.f if by.kind == "load" else duals.x)[span] * _factor(by, answer, i)
+    i, part = _only(_contacts(by, answer), by)
     if by.kind == "friction":
         along = np.sum(duals.friction * tangent.direction, axis=1) + duals.bound
-        return by_coefficient(tangent, answer, i, part) * along[part]
-    kin, gap0 = answer.kin, np.where(answer.kin.paired, duals.gap0, 0.0)
+        return by_coefficient(tangent, i, part) * along[part]
+    gap0 = np.where(kin.paired, duals.gap0, 0.0)
     if by.kind == "motion":
         slip0 = np.where(kin.paired[:, None], duals.slip0, 0.0)[part]
         return -(kin.normal[part].T @ gap0[part] + np.einsum("ik,ikd->d", slip0, kin.axes[part]))

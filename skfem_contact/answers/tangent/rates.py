@@ -2,11 +2,11 @@ r"""From changes of a load step to those of its answer, and backwards.
 
 What a step hands on to the next are slips, friction forces, the slips that points closed at, and, for
 the energy that friction takes, its bounds. So the derivative of a history goes from step to step with
-these four (`Rates`), and that of a number by all that happened before comes back with theirs (`Duals`).
+these four (`Carried`), and that of a number by all that happened before comes back with theirs.
 
 In both directions a step is one linear solve with the factor of its own points. Displacements inside
-the bodies follow by reciprocity: with ``u = U z + V f`` and ``h = U'f`` (z gaps and slips, h the load
-on them) the derivative of ``g . u`` by f is the displacement ``U h* + V g`` under g as a load.
+the bodies follow by reciprocity: contact forces move a body by ``U p``, and ``U'g`` are the gaps and
+slips that g as a load makes; so ``g . u`` depends on p by those.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from skfem_contact.arrays import lengths
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.problem.response import Conditions, Load, Response, Source
+from skfem_contact.problem.condensed import PointProblem
+from skfem_contact.problem.response import Load, Response, Source
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
@@ -36,41 +37,46 @@ class Weights:
 
     Attributes
     ----------
-    gap, normal_force, area : ndarray, shape (m,)
-    slip, friction : ndarray, shape (m, d-1)
-        By the slip since points closed, and by the force that resists.
-    axes : tuple of ndarray
-        By normals (m, d) and tangents (m, d-1, d).
+    points : dict of ndarray, shape (m, width)
+        By gaps, normal forces, slips since points closed, friction that resists, areas, normals, and
+        axes of the tangential components, one after the other.
     u : ndarray, shape (n,), or None
     lost : ndarray, shape (c,)
         By the energy that friction takes at each contact in the step.
     """
 
-    gap: Array
-    normal_force: Array
-    area: Array
-    slip: Array
-    friction: Array
-    axes: tuple[Array, Array]
+    points: dict[str, Array]
     u: Array | None
     lost: Array
 
     @classmethod
     def none(cls, answer: Answer) -> Weights:
         """Those of a number that does not depend on it."""
-        m, t = answer.local.slip.shape
-        still, none = np.zeros((m, t)), np.zeros(m)
-        d = answer.kin.normal.shape[1]
-        axes = np.zeros((m, d)), np.zeros((m, t, d))
-        lost = np.zeros(len(answer.contacts))
-        return cls(none, none.copy(), none.copy(), still, still.copy(), axes, None, lost)
+        (m, t), d = answer.local.slip.shape, answer.kin.normal.shape[1]
+        widths = {"gap": 1, "normal_force": 1, "slip": t, "friction": t, "area": 1}
+        widths |= {"normal": d, "axes": t * d}
+        points = {name: np.zeros((m, width)) for name, width in widths.items()}
+        return cls(points, None, np.zeros(len(answer.contacts)))
 
-    def directly(self, change: Change) -> float:
-        """What a change makes of the number while gaps, slips and forces stay."""
-        found = 0.0 if change.area is None else float(self.area @ change.area)
-        if change.axes is not None:
-            found += sum(float(np.vdot(a, b)) for a, b in zip(self.axes, change.axes, strict=True))
-        return found
+    def at(self, points: dict[str, Array]) -> float:
+        """What changes of these blocks of numbers make of the number."""
+        return sum(float(np.vdot(self.points[name], rates)) for name, rates in points.items())
+
+
+@dataclass(eq=False)
+class Carried:
+    """Derivatives of what a step hands on, see `conditions.state.LocalState`, or by it."""
+
+    slip: Array
+    tangential_force: Array
+    reference: Array
+    bound: Array
+
+    @classmethod
+    def none(cls, answer: Answer) -> Carried:
+        """Nothing."""
+        still = np.zeros(answer.local.slip.shape)
+        return cls(still, still, still, np.zeros(len(still)))
 
 
 @dataclass(eq=False)
@@ -79,9 +85,7 @@ class Rates:
 
     Attributes
     ----------
-    gap, normal_force, bound : ndarray, shape (m,)
-    slip, tangential_force, reference : ndarray, shape (m, d-1)
-        As of the state (`conditions.state.LocalState`): the friction is that which resists.
+    carried : Carried
     lost : ndarray, shape (c,)
         Of the energy that friction takes at each contact in the step.
     """
@@ -91,107 +95,64 @@ class Rates:
     change: Change
     load: Load
     response: Response
-    reference: Array
-    bound: Array
+    carried: Carried
     lost: Array
 
-    @property
-    def slip(self) -> Array:
-        return self.response.slip
-
-    @property
-    def tangential_force(self) -> Array:
-        return self.response.tangential_force
+    @cached_property
+    def points(self) -> dict[str, Array]:
+        """Blocks of numbers as `Weights` has them."""
+        found = self.response
+        return self.change.shape | {
+            "gap": found.gap[:, None],
+            "normal_force": found.normal_force[:, None],
+            "slip": found.slip - self.carried.reference,
+            "friction": found.tangential_force,
+        }
 
     @cached_property
     def u(self) -> Array:
         """Of the displacements of all bodies, (n,)."""
         problem = self.tangent.problem
-        with single_threaded():
-            source = problem.source(self.load, self.response)
-            found: Array = problem.bodies.recover(
-                source_column(source), [None], [case_of(self.change)]
-            )[0]
-        return found
+        return recovered(problem, problem.source(self.load, self.response).values, self.change.case)
 
     def dot(self, weights: Weights) -> float:
         """The derivative of a number that depends on the answer by these weights."""
-        found = weights.directly(self.change) + float(weights.lost @ self.lost)
-        found += float(weights.gap @ self.response.gap)
-        found += float(weights.normal_force @ self.response.normal_force)
-        found += float(np.vdot(weights.slip, self.slip - self.reference))
-        found += float(np.vdot(weights.friction, self.tangential_force))
+        found = weights.at(self.points) + float(weights.lost @ self.lost)
         return found if weights.u is None else found + float(weights.u @ self.u)
 
 
-@dataclass(eq=False)
-class Carried:
-    """Derivatives of a number by what a step hands on, see `Rates`."""
-
-    slip: Array
-    tangential_force: Array
-    reference: Array
-    bound: Array
-
-
-def source_column(source: Source) -> Source:
-    """One source as `recover` takes many."""
-    return replace(source, values=source.values[:, None])
-
-
-def case_of(change: Change) -> LoadCase:
-    """The loads of a change."""
-    return LoadCase(change.f, change.x, change.gap0, change.slip0, np.zeros(len(change.gap0)), ())
-
-
-def driven(tangent: Tangent, change: Change, before: Rates | None) -> Conditions:
-    """The conditions of a step with what a change and the step before make of anchors and offsets."""
-    slopes, offset = tangent.slopes, np.einsum("ikl,il->ik", tangent.slopes.by_map, change.friction)
-    if before is None:
-        return replace(tangent.conditions, offset=offset)
-    offset += np.einsum("ikl,il->ik", slopes.by_trial, before.tangential_force)
-    offset += np.einsum("ikl,il->ik", slopes.by_slip, before.slip - before.reference)
-    return replace(tangent.conditions, offset=offset, anchor=before.slip)
-
-
-def forward(tangent: Tangent, change: Change, before: Rates | None) -> Rates:
-    """Derivatives of an answer by a number, from those of the answer before (None: it has none)."""
-    conditions = driven(tangent, change, before)
+def recovered(problem: PointProblem, force: Array, case: LoadCase) -> Array:
+    """Displacements (n,) under a load case and forces on the contact DOFs (n_c,)."""
     with single_threaded():
-        load = tangent.problem.other_load(case_of(change))
-        zone, key = tangent.zone
-        response = zone.solve(conditions, load, key)
-    return followed(tangent, change, before, load, response)
+        found: Array = problem.bodies.recover(Source(force[:, None], True), [None], [case])[0]
+    return found
 
 
-def followed(
-    tangent: Tangent, change: Change, before: Rates | None, load: Load, response: Response
-) -> Rates:
-    """What follows from gaps, slips and forces."""
+def forward(tangent: Tangent, change: Change, before: Carried | None) -> Rates:
+    """Derivatives of an answer by a number, from those of the answer before (None: it has none)."""
     answer, closed = tangent.answer, tangent.closed
-    still = np.zeros(response.slip.shape)
-    reference = np.where(closed[:, None], still if before is None else before.reference, response.slip)
-    bound = tangent.bound_slope * response.normal_force + np.where(closed, change.bound, 0.0)
+    last = before or Carried.none(answer)
+    offset = tangent.friction(change.friction, last.tangential_force, last.slip - last.reference)
+    conditions = replace(tangent.conditions, offset=offset, anchor=last.slip)
+    with single_threaded():
+        load, (zone, key) = tangent.problem.other_load(change.case), tangent.zone
+        found = zone.solve(conditions, load, key)
+    reference = np.where(closed[:, None], last.reference, found.slip)
+    bound = tangent.bound_slope * found.normal_force + np.where(closed, change.bound, 0.0)
     way, along, G = _lost(tangent)
-    moved = response.slip - (still if before is None else before.slip)
-    moved = (
-        moved - (response.tangential_force - (still if before is None else before.tangential_force)) / G
-    )
-    rate = 0.5 * (bound + (0.0 if before is None else before.bound)) * way + np.sum(
-        along * moved, axis=1
-    )
+    moved = found.slip - last.slip - (found.tangential_force - last.tangential_force) / G
+    rate = 0.5 * (bound + last.bound) * way + np.sum(along * moved, axis=1)
     lost = np.array([rate[part].sum() for part in answer.model.interface.point_slices])
-    return Rates(answer, tangent, change, load, response, reference, bound, lost)
+    carried = Carried(found.slip, found.tangential_force, reference, bound)
+    return Rates(answer, tangent, change, load, found, carried, lost)
 
 
 def _lost(tangent: Tangent) -> tuple[Array, Array, Array]:
     """Of the energy lost: length of the way, mean of both bounds along it, and stiffness G (m, 1)."""
-    answer = tangent.answer
-    interface = answer.model.interface
-    way = lengths(answer.plastic_slip)
-    mean = 0.5 * (tangent.bound + answer.bound_before)
-    along = answer.plastic_slip * (mean / np.where(way > 0, way, 1.0))[:, None]
-    return way, along, interface.stiffness[:, None]
+    way = lengths(tangent.answer.plastic_slip)
+    mean = 0.5 * (tangent.bound + tangent.answer.bound_before)
+    along = tangent.answer.plastic_slip * (mean / np.where(way > 0, way, 1.0))[:, None]
+    return way, along, tangent.answer.model.interface.stiffness[:, None]
 
 
 def backward(
@@ -209,76 +170,59 @@ def backward(
     loads : bool
         Whether derivatives by loads and displacements are wanted, for which the interior is recovered.
     """
-    answer, problem, slopes = tangent.answer, tangent.problem, tangent.slopes
-    m, t = answer.local.slip.shape
-    closed, is_open = tangent.closed, ~tangent.closed[:, None]
-    slip, friction, bound = weights.slip, weights.friction, np.zeros(m)
-    reference = -weights.slip
-    if after is not None:
-        slip, friction = slip + after.slip, friction + after.tangential_force
-        reference, bound = reference + after.reference, after.bound
-    slip = slip + np.where(is_open, reference, 0.0)
-    reference = np.where(is_open, 0.0, reference)
-    known, handed, along = np.zeros(m), np.zeros((m, t)), np.zeros((m, t))
+    answer, problem, closed, by = tangent.answer, tangent.problem, tangent.closed, weights.points
+    after = after or Carried.none(answer)
+    back, given = Carried.none(answer), Change.none(answer)
+    slip, friction, bound = (
+        by["slip"] + after.slip,
+        by["friction"] + after.tangential_force,
+        after.bound,
+    )
+    along = back.slip
     if np.count_nonzero(weights.lost):
         way, along, G = _lost(tangent)
-        share = np.zeros(m)
-        for part, w in zip(answer.model.interface.point_slices, weights.lost, strict=True):
-            share[part] = w
-        along = along * share[:, None]
-        slip, friction, handed = slip + along, friction - along / G, along / G
-        known = 0.5 * share * way
-        bound = bound + known
-    normal_force = weights.normal_force + tangent.bound_slope * bound
-    u, given, z = weights.u, None, np.zeros(len(problem.compliance.W))
-    if u is not None:
-        f = np.array(u)
-        f[answer.system.D] = 0.0
-        given = problem.other_load(case_of(replace(Change.none(answer), f=f)))
-        assert given.moved is not None
-        z = given.moved
+        slices = answer.model.interface.point_slices
+        share = np.concatenate(
+            [np.full(p.stop - p.start, w) for p, w in zip(slices, weights.lost, strict=True)]
+        )
+        along, back.bound = along * share[:, None], 0.5 * share * way
+        back.tangential_force = along / G
+        slip, friction, bound = slip + along, friction - along / G, bound + back.bound
+    reference = after.reference - by["slip"]
+    slip = slip + np.where(closed[:, None], 0.0, reference)
+    normal_force = by["normal_force"][:, 0] + tangent.bound_slope * bound
+    forces, pulled = np.zeros(len(problem.compliance.W)), None
+    if weights.u is not None:
+        given.f[:] = weights.u
+        given.f[answer.system.D] = 0.0
+        pulled = problem.other_load(given.case)
+        forces = np.asarray(pulled.moved)
     zone, key = tangent.zone
-    found = zone.adjoint(
-        tangent.conditions, Response(weights.gap, slip, normal_force, friction, z), key
-    )
-    back = Carried(found.anchor - along, handed, reference, known)
-    if not tangent.rule.steady:
-        by_slip = np.einsum("ikl,ik->il", slopes.by_slip, found.offset)
-        back.slip, back.reference = back.slip + by_slip, reference - by_slip
-    if np.count_nonzero(slopes.by_trial):
-        back.tangential_force = handed + np.einsum("ikl,ik->il", slopes.by_trial, found.offset)
-    by_map = np.einsum("ikl,ik->il", slopes.by_map, found.offset)
-    nothing = np.zeros(answer.system.n)
-    out = Change(nothing, nothing, found.gap0, found.slip0, by_map, np.where(closed, bound, 0.0))
+    of = Response(by["gap"][:, 0], slip, normal_force, friction, forces)
+    found = zone.adjoint(tangent.conditions, of, key)
+    by_map, by_trial, by_slip = tangent.friction_by(found.offset)
+    back.slip = found.anchor - along + by_slip
+    back.reference = np.where(closed[:, None], reference, 0.0) - by_slip
+    back.tangential_force = back.tangential_force + by_trial
+    out = replace(Change.none(answer), gap0=found.gap0, slip0=found.slip0, friction=by_map)
+    out.bound = np.where(closed, bound, 0.0)
     if loads:
-        out.f, out.x = _by_loads(tangent, given, out, found.load, u)
+        force = problem.G.T @ found.load + (0.0 if pulled is None else pulled.prescribed)
+        out.f = recovered(problem, force, given.case)
+        out.x = _by_supports(tangent, out, weights.u)
     return out, back
 
 
-def _by_loads(
-    tangent: Tangent, given: Load | None, found: Change, z: Array, u: Array | None
-) -> tuple[Array, Array]:
-    """Derivatives by loads and displacements (n,), from those by the load on gaps and slips."""
-    answer, problem = tangent.answer, tangent.problem
-    nothing = Change.none(answer)
-    if u is not None:
-        nothing.f[:] = u
-        nothing.f[answer.system.D] = 0.0
-    force = problem.G.T @ z
-    if given is not None:
-        force = force + given.prescribed
-    with single_threaded():
-        f = problem.bodies.recover(Source(force[:, None], True), [None], [case_of(nothing)])[0]
-    kin, x, D = answer.kin, np.zeros(answer.system.n), answer.system.D
-    borne = [
-        K @ f[answer.system.slice(b)]
-        for K, b in zip(answer.stiffness, answer.system.bodies, strict=True)
-    ]
+def _by_supports(tangent: Tangent, found: Change, u: Array | None) -> Array:
+    """Derivatives of a number by prescribed displacements (n,), from those by all else."""
+    answer, kin = tangent.answer, tangent.answer.kin
+    system, x = answer.system, np.zeros(answer.system.n)
+    borne = [K @ found.f[system.slice(b)] for K, b in zip(answer.stiffness, system.bodies, strict=True)]
     whole = kin.B_n.T @ np.where(kin.paired, found.gap0, 0.0) - np.concatenate(borne)
-    if found.slip0.size and problem.slips:
+    if found.slip0.size and tangent.problem.slips:
         whole = whole + kin.B_t.T @ found.slip0.ravel()
-    x[D] = whole[D] if u is None else whole[D] + u[D]
-    return f, x
+    x[system.D] = (whole if u is None else whole + u)[system.D]
+    return x
 
 
 def check_lost(tangent: Tangent) -> None:

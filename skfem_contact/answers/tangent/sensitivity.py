@@ -9,22 +9,24 @@ points, so that they are changed one after the other until none contradicts.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from copy import copy
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.tangent.changes import Parameter, change, parameter
-from skfem_contact.answers.tangent.rates import Rates, Weights, check_lost, forward
+from skfem_contact.answers.tangent.changes import Change, Parameter, change, parameter
+from skfem_contact.answers.tangent.rates import Carried, Rates, Weights, check_lost, forward
 from skfem_contact.answers.tangent.tangent import Tangent
 from skfem_contact.arguments import numbers, shown
+from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, NotConverged
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 AT_CONTACT = "gap", "normal_force", "pressure", "slip", "tangential_force", "force"
 AT_ALL = "u", "displacement", "dissipation"
 
@@ -92,8 +94,15 @@ class Sensitivity:
         contact : str, optional
             Its name; not needed where there is one.
         """
-        i, part = _which(self._rates.answer, contact, quantity)
-        return self._sign * _quantity(self._rates, quantity, i, part)
+        answer, rates = self._rates.answer, self._rates.points
+        terms = _terms(answer, quantity, *_which(answer, contact, quantity))
+        parts = [
+            np.einsum("iw,iwo->io", rates[name][at], by) for name, at, by in terms if name in rates
+        ]
+        found = self._sign * sum(parts)
+        if quantity == "force":
+            return np.asarray(found.sum(axis=0))
+        return np.asarray(found if quantity in ("slip", "tangential_force") else found[:, 0])
 
     gap: Array = _its("gap", "Of the gaps of the only contact, (m,).")
     normal_force: Array = _its("normal_force", "Of the normal forces, (m,).")
@@ -107,9 +116,7 @@ class Sensitivity:
         return self._sign * self._rates.dot(weights_of(self._rates.answer, weights))
 
 
-def sensitivity(
-    answer: Answer, tangent: Tangent, by: Any, after: Sensitivity | None, side: int
-) -> Sensitivity:
+def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int) -> Sensitivity:
     """Derivatives of an answer; see `ContactResult.sensitivity`."""
     by = parameter(by)
     if by.field or by.each_step:
@@ -118,17 +125,15 @@ def sensitivity(
         )
     if side not in (-1, 0, 1):
         raise InputError(f"side = {shown(side)}; it may be 1, -1, or 0 for the statuses that hold")
-    if after is not None and (
-        (after.by is not by and repr(after.by) != repr(by)) or after.side != side
-    ):
+    if after is not None and (repr(after.by), after.side) != (repr(by), side):
         raise InputError(f"after is by {after.by!r}, side {after.side}; here by {by!r}, side {side}")
-    found, before = change(by, tangent, answer), None if after is None else after._rates
+    found, before = change(by, tangent), None if after is None else after._rates.carried
     if side:
         return Sensitivity(by, one_sided(tangent, found, before, side), side)
     return Sensitivity(by, forward(tangent, found, before), side)
 
 
-def one_sided(tangent: Tangent, found: Any, before: Rates | None, side: int) -> Rates:
+def one_sided(tangent: Tangent, found: Change, before: Carried | None, side: int) -> Rates:
     """Rates to one side, with the statuses that hold there.
 
     Raises
@@ -138,18 +143,12 @@ def one_sided(tangent: Tangent, found: Any, before: Rates | None, side: int) -> 
     NotConverged
         No statuses fit.
     """
-    found = copy(found)
-    for name, value in vars(found).items():
-        if isinstance(value, np.ndarray):
-            setattr(found, name, side * value)
-    if found.axes is not None:
-        found.axes = tuple(side * a for a in found.axes)
+    found = found.minus(Change.none(tangent.answer), side)
     branch, seen, whole = tangent, set[bytes](), True
     while True:
-        own = copy(found)
-        switched = branch.switched & branch.slips
-        given = branch.direction * found.bound[:, None]
-        own.friction = np.where(switched[:, None], given, found.friction)
+        switched = (branch.switched & branch.slips)[:, None]
+        friction = np.where(switched, branch.direction * found.bound[:, None], found.friction)
+        own = replace(found, friction=friction)
         rates = forward(branch, own, before)
         wanted = _contradicted(branch, rates, before)
         if not wanted:
@@ -167,21 +166,19 @@ def one_sided(tangent: Tangent, found: Any, before: Rates | None, side: int) -> 
         branch = branch.with_statuses(wanted if whole else {last: wanted[last]})
 
 
-def _contradicted(branch: Tangent, rates: Rates, before: Rates | None) -> dict[int, tuple[int, Array]]:
+def _contradicted(
+    branch: Tangent, rates: Rates, before: Carried | None
+) -> dict[int, tuple[int, Array]]:
     """Points with a kink whose rates contradict their status: what they are instead, and which way."""
     response, out = rates.response, dict[int, tuple[int, Array]]()
-    gap, force, slip, friction = (
-        SOLVED * float(np.max(np.abs(rate), initial=0.0))
-        for rate in (response.gap, response.normal_force, rates.slip, rates.tangential_force)
-    )
-    still = np.zeros(rates.slip.shape[1])
-    moved = rates.slip - (0.0 if before is None else before.slip)
+    each = response.gap, response.normal_force, response.slip, response.tangential_force
+    gap, force, slip, friction = (SOLVED * float(np.max(np.abs(rate), initial=0.0)) for rate in each)
+    still = np.zeros(response.slip.shape[1])
+    moved = response.slip - (0.0 if before is None else before.slip)
     frictional, slid = branch.answer.model.interface.frictional, branch.slid
     for i in branch.kinks:
         if not branch.closed[i]:
-            if (
-                response.gap[i] < -gap
-            ):  # what closes where it has slid slips on, against the way it went
+            if response.gap[i] < -gap:  # what closes where it has slid slips on, against its way
                 way = branch.answer.plastic_slip[i]
                 slips = frictional[i] and slid[i]
                 out[i] = (SLIP, way / np.linalg.norm(way)) if slips else (STICK, still)
@@ -191,8 +188,9 @@ def _contradicted(branch: Tangent, rates: Rates, before: Rates | None) -> dict[i
             if not slid[i] and branch.direction[i] @ moved[i] < -slip:
                 out[i] = (STICK, still)
         elif frictional[i]:
-            toward = branch.toward[i] if branch.toward[i].any() else np.sign(rates.tangential_force[i])
-            if toward @ rates.tangential_force[i] - rates.bound[i] > friction:
+            rate = response.tangential_force[i]
+            toward = branch.toward[i] if branch.toward[i].any() else np.sign(rate)
+            if toward @ rate - rates.carried.bound[i] > friction:
                 out[i] = (SLIP, toward)
     exact = branch.exact[list(out)].all() and len(still) == 1
     if not exact and any(
@@ -219,30 +217,43 @@ def _which(answer: Answer, contact: Any, what: str) -> tuple[int, slice]:
     return i, answer.model.interface.point_slices[i]
 
 
-def _quantity(rates: Rates, what: str, i: int, part: slice) -> Array:
-    """Rates of a quantity of one contact: that of each number in turn is what weights of it give."""
-    answer, kin, response = rates.answer, rates.answer.kin, rates.response
-    heir = kin.heir[part]
+def _terms(answer: Answer, what: str, i: int, part: slice) -> list[tuple[str, Index, Array]]:
+    """A quantity of a contact as a linear map of the blocks of `Weights.points`, to be summed.
+
+    Each with its name, its points (k,), and what a number of these makes of the quantity, (k, width,
+    o); of a resultant force at each point its share.
+    """
+    kin, local = answer.kin, answer.local
+    heir, own, one = kin.heir[part], np.arange(part.start, part.stop), np.ones((1, 1, 1))
     if what == "gap":
-        return np.asarray(response.gap[heir])
+        return [("gap", heir, one)]
     if what == "normal_force":
-        return np.asarray(response.normal_force[part])
+        return [("normal_force", own, one)]
     if what == "pressure":
-        area, force = kin.area[heir], answer.local.normal_force[heir]
-        found = response.normal_force[heir]
-        if rates.change.area is not None:
-            found = found - force * np.divide(
-                rates.change.area[heir], area, out=np.zeros(len(area)), where=area > 0
-            )
-        return np.divide(found, area, out=np.zeros(len(area)), where=area > 0)
+        area = kin.area[heir]
+        per = np.divide(1.0, area, out=np.zeros(len(area)), where=area > 0)[:, None, None]
+        by_area = -(per**2) * local.normal_force[heir, None, None]
+        return [("normal_force", heir, per), ("area", heir, by_area)]
     if what == "slip":
         _check_slip(answer, i)
-        slip = kin.slip_along((rates.slip - rates.reference)[part], part)
-        return np.asarray(slip[heir - part.start])
+        return [("slip", heir, _along_tangents(kin, kin.duals, heir))]
     if what == "tangential_force":
-        return -kin.friction_along(rates.tangential_force[part], part)
-    unit = np.eye(kin.normal.shape[1])
-    return np.array([rates.dot(weights_of(answer, {answer.names[i]: {"force": e}})) for e in unit])
+        return [("friction", own, -_along_tangents(kin, kin.axes, own))]
+    normal, axes, unit = kin.normal[part, None], kin.axes[part], np.eye(kin.normal.shape[1])
+    by_axes = -np.einsum("ik,de->ikde", local.tangential_force[part], unit)
+    return [  # force = sum of lambda n - tau . axes
+        ("normal_force", own, normal),
+        ("friction", own, -axes),
+        ("normal", own, local.normal_force[part, None, None] * unit),
+        ("axes", own, by_axes.reshape(len(own), -1, len(unit))),
+    ]
+
+
+def _along_tangents(kin: Kinematics, basis: Array, at: Index) -> Array:
+    """Components along unit tangents from those along a basis, (k, d-1, d-1) or (1, d-1, d-1)."""
+    if kin.scaled is None:
+        return np.eye(kin.tangents)[None]
+    return np.asarray(np.einsum("ikd,ild->ikl", basis[at], kin.tangent[at]))
 
 
 def _check_slip(answer: Answer, i: int) -> None:
@@ -298,41 +309,11 @@ def _by_displacement(answer: Answer, out: Weights, key: str, value: Any) -> None
 
 
 def _by_quantity(answer: Answer, out: Weights, what: str, value: Any, i: int, part: slice) -> None:
-    kin, local = answer.kin, answer.local
-    m, t = part.stop - part.start, kin.tangents
-    shape = {"slip": (m, t), "tangential_force": (m, t), "force": (kin.normal.shape[1],)}.get(
-        what, (m,)
-    )
-    w, heir = _shaped(value, shape, what), kin.heir[part]
-    if what == "gap":
-        np.add.at(out.gap, heir, w)
-    elif what == "normal_force":
-        out.normal_force[part] += w
-    elif what == "pressure":
-        area = kin.area[heir]
-        w = np.divide(w, area, out=np.zeros(m), where=area > 0)
-        np.add.at(out.normal_force, heir, w)
-        pressure = np.divide(local.normal_force[heir], area, out=np.zeros(m), where=area > 0)
-        np.add.at(out.area, heir, -w * pressure)
-    elif what == "slip":
-        _check_slip(answer, i)
-        own = np.zeros((m, t))
-        np.add.at(own, heir - part.start, w)
-        out.slip[part] += _back(kin, own, kin.duals, part)
-    elif what == "tangential_force":
-        out.friction[part] -= _back(kin, w, kin.axes, part)
-    else:  # force = sum of lambda n - tau . axes
-        out.normal_force[part] += kin.normal[part] @ w
-        out.friction[part] -= kin.axes[part] @ w
-        out.axes[0][part] += local.normal_force[part, None] * w
-        out.axes[1][part] -= local.tangential_force[part, :, None] * w
-
-
-def _back(kin: Any, weights: Array, basis: Array, part: slice) -> Array:
-    """`Kinematics.slip_along` and `friction_along` transposed."""
-    if kin.scaled is None:
-        return weights
-    return np.asarray(np.einsum("il,ikd,ild->ik", weights, basis[part], kin.tangent[part]))
+    m, t, d = part.stop - part.start, answer.kin.tangents, answer.kin.normal.shape[1]
+    shape = {"slip": (m, t), "tangential_force": (m, t), "force": (d,)}.get(what, (m,))
+    w = np.broadcast_to(_shaped(value, shape, what), shape if what != "force" else (m, d))
+    for name, at, by in _terms(answer, what, i, part):
+        np.add.at(out.points[name], at, np.einsum("io,iwo->iw", w.reshape(m, -1), by))
 
 
 def _shaped(value: Any, shape: tuple[int, ...], what: str) -> Array:

@@ -25,6 +25,7 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,6 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.arrays import largest, lengths
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
-from skfem_contact.conditions.return_map import Derivatives
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import SOLVED
@@ -149,48 +149,25 @@ class Tangent:
     def slopes(self) -> Slopes:
         """Derivatives of the friction of slipping points."""
         local, rule, t = self.local, self.rule, self.local.slip.shape[1]
-        still = np.zeros((len(self.status), t, t))
-        elastic = not self.exact.all()
-        if t == 1 and rule.steady:  # nothing turns
-            by = Derivatives(still, self.bound_slope[:, None] * self.direction, still)
-            trial = BEYOND * self.direction
-            k = self.stiffness[:, None]
-        else:
-            way, force = self.answer.plastic_slip, lengths(local.tangential_force)
-            moved = lengths(way)
-            # with exact sticking any stiffness does: one that makes the trial force twice the bound
-            k = np.where(force > 0, force, 1.0) / np.where(moved > 0, moved, 1.0)
-            k = np.where(self.exact, k, self.stiffness)[:, None]
-            trial = local.tangential_force + k * way if t > 1 else BEYOND * self.direction
-            by = self._of_slipping(rule.mapped(trial, local.normal_force, local.slip)[2])
-        unit, J = np.eye(t), by.trial
-        M = unit * self.slips[:, None, None]
-        if J is not still:
-            M = M @ np.linalg.inv(unit - np.where(self.exact[:, None, None], J, 0.0))
-        spring, before = k[:, :, None] * J if J is not still else still, still
-        if elastic:
-            on = self.elastic[:, None, None]
-            before = np.where(on, unit, np.where(self.exact[:, None, None], 0.0, J))
-            spring = np.where(on, k[:, :, None] * unit, spring)
-        if J is not still:
-            spring = np.where(self.slips[:, None, None], M @ spring, spring)
-        by_normal = by.normal_force
-        if t > 1:
-            by_normal = np.einsum("ikl,il->ik", M, by_normal)
+        unit, slips = np.eye(t), self.slips[:, None, None]
+        exact, elastic = self.exact[:, None, None], unit * self.elastic[:, None, None]
+        way, force = self.answer.plastic_slip, lengths(local.tangential_force)
+        moved = lengths(way)
+        # with exact sticking any stiffness does: one that makes the trial force twice the bound
+        k = np.where(force > 0, force, 1.0) / np.where(moved > 0, moved, 1.0)
+        k = np.where(self.exact, k, self.stiffness)[:, None]
+        trial = local.tangential_force + k * way if t > 1 else BEYOND * self.direction
+        by = rule.mapped(trial, local.normal_force, local.slip)[2]
+        J, M = np.where(slips, by.trial, 0.0), unit * slips
+        if np.count_nonzero(J):
+            M = M @ np.linalg.inv(unit - np.where(exact, J, 0.0))
+        spring = M @ (k[:, :, None] * J) + k[:, :, None] * elastic
         if rule.steady:  # round-off alone takes springs from being symmetric
-            spring = 0.5 * (spring + spring.swapaxes(1, 2)) if t > 1 else spring
-            return Slopes(spring, before, still, M, by_normal, trial)
+            spring = 0.5 * (spring + spring.swapaxes(1, 2))
+        # the bound of glue that is pulled stays as it is
+        by_normal = np.einsum("ikl,il->ik", M, np.where(self.presses[:, None], by.normal_force, 0.0))
         B = M @ by.slip
-        return Slopes(spring + B, before, B, M, by_normal, trial)
-
-    def _of_slipping(self, by: Derivatives) -> Derivatives:
-        """Derivatives of slipping points alone; the bound of glue that is pulled stays as it is."""
-        on = self.slips[:, None]
-        return Derivatives(
-            np.where(on[:, :, None], by.trial, 0.0),
-            np.where(on & self.presses[:, None], by.normal_force, 0.0),
-            np.where(on[:, :, None], by.slip, 0.0),
-        )
+        return Slopes(spring + B, elastic + np.where(exact, 0.0, J), B, M, by_normal, trial)
 
     @property
     def slope(self) -> Array:
@@ -212,6 +189,17 @@ class Tangent:
     def zone(self) -> tuple[Zone, object]:
         """The dense problem of points that may carry a force, and the key of the conditions."""
         return self.zones.fitting(self.conditions, self.local.gap)
+
+    def friction(self, by_map: Array, by_trial: Array, by_slip: Array) -> Array:
+        """Changes of friction by those of the return map, and of the friction and slip before."""
+        slopes = self.slopes
+        parts = (slopes.by_map, by_map), (slopes.by_trial, by_trial), (slopes.by_slip, by_slip)
+        return sum(np.einsum("ikl,il->ik", slope, given) for slope, given in parts)
+
+    def friction_by(self, given: Array) -> tuple[Array, ...]:
+        """`friction` transposed."""
+        slopes = self.slopes.by_map, self.slopes.by_trial, self.slopes.by_slip
+        return tuple(np.einsum("ikl,ik->il", slope, given) for slope in slopes)
 
     # -- how far it holds -----------------------------------------------------------------------
 
@@ -240,19 +228,24 @@ class Tangent:
         where nothing can change.
         """
         local, interface = self.local, self.answer.model.interface
-        rho = self.problem.resistance
-        opens = np.where(interface.bilateral, np.inf, local.normal_force)
-        along = np.sum(self.answer.plastic_slip * self.toward, axis=1)
-        slides = np.where(local.status == SLIP, rho.tangential * along, self._lacking)
-        closed = np.minimum(opens, np.where(interface.frictional, slides, np.inf))
-        gap = np.where(np.isfinite(local.gap), local.gap, np.inf)
-        found = np.where(self.closed, closed, np.where(gap < np.inf, rho.normal * gap, np.inf))
+        along = self.problem.resistance.tangential * np.sum(
+            self.answer.plastic_slip * self.toward, axis=1
+        )
+        lacking = self.bound - lengths(local.tangential_force)
+        slides = np.where(local.status == SLIP, along, lacking)
+        rubs = self.closed & interface.frictional
+        found = np.minimum(self._apart, np.where(rubs, slides, np.inf))
         return np.asarray(np.maximum(found, 0.0) / self.largest_force)
 
     @cached_property
-    def _lacking(self) -> Array:
-        """What friction lacks to its bound, (m,) [force]."""
-        return self.bound - lengths(self.local.tangential_force)
+    def _apart(self) -> Array:
+        """How far each point is from opening or closing, (m,) [force]."""
+        local = self.local
+        gap = np.where(np.isfinite(local.gap), local.gap, np.inf)
+        with np.errstate(invalid="ignore"):  # a point without a partner resists nothing
+            found = np.where(self.closed, local.normal_force, self.problem.resistance.normal * gap)
+        never = self.answer.model.interface.bilateral | (~self.closed & np.isinf(gap))
+        return np.where(never, np.inf, found)
 
     @cached_property
     def toward(self) -> Array:
@@ -268,11 +261,7 @@ class Tangent:
     @cached_property
     def touching(self) -> Mask:
         """Points that neither press nor are apart, (m,)."""
-        local = self.local
-        rho = self.problem.resistance.normal
-        gap = np.where(np.isfinite(local.gap), local.gap, np.inf)
-        near = np.where(self.closed, local.normal_force, rho * gap) <= SOLVED * self.largest_force
-        return np.asarray(near & ~self.answer.model.interface.bilateral)
+        return np.asarray(self._apart <= SOLVED * self.largest_force)
 
     @cached_property
     def switched(self) -> Mask:
@@ -305,18 +294,8 @@ class Tangent:
             new.switched[i], direction[i] = True, way
             by_normal[i], by_map[i] = slope[i] * way, np.eye(len(way)) * (status == SLIP)
         new.direction, new.slopes = direction, replace(self.slopes, by_normal=by_normal, by_map=by_map)
-        for name in (
-            "conditions",
-            "presses",
-            "bound_slope",
-            "bound",
-            "K",
-            "T",
-            "W",
-            "K_r",
-            "K_friction",
-        ):
-            vars(new).pop(name, None)
+        for name in set(vars(new)) & {"conditions", "presses", "bound_slope", "bound", "K", "T", "W"}:
+            del vars(new)[name]
         return new
 
     # -- matrices, on request -------------------------------------------------------------------
@@ -354,12 +333,12 @@ class Tangent:
         """
         return self._basis(self._rows(coupled=True)) if np.any(self.slope) else self.T
 
-    @cached_property
+    @property
     def K_r(self) -> csr_matrix:
         """Stiffness of what is free to move, ``W' K T``, (r, r) [force/length]."""
         return csr_matrix(self.W.T @ self.K @ self.T)
 
-    @cached_property
+    @property
     def K_friction(self) -> csr_matrix:
         """The part of `K_r` by friction that follows the pressure, ``(W - T)' K T``, (r, r)."""
         return csr_matrix((self.W - self.T).T @ self.K @ self.T)
@@ -403,48 +382,33 @@ def refuse(answer: Answer) -> None:
     ------
     InputError
     """
-    model, why = answer.model, ""
+    model = answer.model
     interface = model.interface
-    if not answer.converged:
-        why = f"it did not converge ({answer.message})"
-    elif model.geometry.follows:
-        why = (
-            'contact slides far (sliding="finite"): how its pairing changes is not differentiated. '
-            'Where slips are short, sliding="small" has derivatives'
+    bare = [law for _, law in interface.laws if not differentiable(law.law)]
+    reasons: dict[str, Any] = {
+        f"it did not converge ({answer.message})": not answer.converged,
+        'contact slides far (sliding="finite"): how its pairing changes is not differentiated. Where '
+        'slips are short, sliding="small" has derivatives': model.geometry.follows,
+        "surfaces wear: the depth worn off is not differentiated. Leave wear out of the contact": (
+            interface.wear or np.any(answer.state.wear)
+        ),
+        f"its load step was cut into {answer.parts} parts, whose states are not kept. Give the history "
+        "smaller steps": answer.parts > 1,
+        "conditions of its points depend on each other, so that forces are not unique. Let contacts "
+        "share no edge, and make a held tool no finer than what it presses": answer.springs,
+        "a body may stand elsewhere as well. Prescribe a DOF (D=...)": answer.indifferent,
+    }
+    for law in bare[:1]:
+        reasons[
+            f"the law {type(law.law).__name__} of contact '{law.contact}' has no slopes of its own, "
+            "and difference quotients leave six digits. Give it a method slope(...), the derivative of "
+            "its limit by the normal force, or a return_map(...)"
+        ] = True
+    for words, wrong in reasons.items():
+        if wrong:
+            raise InputError(f"this result has no derivatives: {words}.")
+    if model.for_tangents is None:
+        raise InputError(
+            f"this result has no derivatives: the contact problem has no matrix on this route "
+            f'({model.route}). Make the solver with linear="condensed".'
         )
-    elif interface.wear or np.any(answer.state.wear):
-        why = "surfaces wear: the depth worn off is not differentiated. Leave wear out of the contact"
-    elif answer.parts > 1:
-        why = (
-            f"its load step was cut into {answer.parts} parts, whose states are not kept. Give the "
-            "history smaller steps"
-        )
-    elif answer.springs:
-        why = (
-            "conditions of its points depend on each other, so that forces are not unique. Let "
-            "contacts share no edge, and make a held tool no finer than what it presses"
-        )
-    elif answer.indifferent:
-        why = "a body may stand elsewhere as well. Prescribe a DOF (D=...)"
-    else:
-        why = _law_words(answer)
-    if not why and model.for_tangents is None:
-        why = (
-            f"the contact problem has no matrix on this route ({model.route}). Make the solver with "
-            'linear="condensed"'
-        )
-    if why:
-        raise InputError(f"this result has no derivatives: {why}.")
-
-
-def _law_words(answer: Answer) -> str:
-    """What is wrong with a law that has no derivatives."""
-    for _, law in answer.model.interface.laws:
-        if not differentiable(law.law):
-            name = type(law.law).__name__
-            return (
-                f"the law {name} of contact '{law.contact}' has no slopes of its own, and difference "
-                f"quotients would leave six digits. Give {name} a method slope(...), the derivative of "
-                "its limit by the normal force, or a return_map(...)"
-            )
-    return ""
