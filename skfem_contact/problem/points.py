@@ -81,13 +81,15 @@ class Duals(NamedTuple):
 
     Attributes
     ----------
-    load : ndarray
-        By the forces h on gaps and slips, (q,); of a `Zone` by what they and anchors do free of it.
+    load, moved : ndarray
+        By the forces h on gaps and slips, (q,); and S times that. Of a `Zone`, `moved` is by what gaps,
+        slips and anchors do where contact carries nothing.
     gap0 : ndarray, shape (m,)
     slip0, anchor, offset : ndarray, shape (m, d-1)
     """
 
     load: Array
+    moved: Array
     gap0: Array
     slip0: Array
     anchor: Array
@@ -182,7 +184,8 @@ class PointSpace:
         p[rows.gaps] = normal_force[rows.closed]
         p[rows.slips] = -tangential[rows.stick]
         p[rows.sliding] = -tangential[rows.slides]
-        z = z[:-1] + self.S.dot(p)
+        own = z[:-1]
+        z = own + self.S.dot(p)
         if self._factor is None:
             self._factor = self._factorize(conditions, rows)
         r = np.zeros(q)
@@ -198,7 +201,7 @@ class PointSpace:
             held[rows.slides] = base[rows.sliding]
             given = np.einsum("ikl,ik->il", conditions.spring, known)
             held -= np.where(rows.slides, 0.0, given)
-        return Duals(r - p, gap0, slip0 - held, anchor + held, offset + known)
+        return Duals(r - p, own - base, gap0, slip0 - held, anchor + held, offset + known)
 
     def _held(self, conditions: Conditions, key: object) -> HeldRows:
         """The rows that conditions hold; of the last ones, if their matrix is the same."""

@@ -272,8 +272,8 @@ class Zone:
             Derivatives of a number by gaps, slips and forces of all points; its solution those by the
             forces of all rows and of the springs on anchors, which come on top.
         """
-        forces, dropped, S = of.solution.copy(), self._dropped, self.space.S
-        q, moved, by_z = len(forces) - len(self._A_qq), np.zeros(len(forces)), np.zeros(len(S))
+        forces, dropped, moved = of.solution.copy(), self._dropped, np.zeros(len(of.solution))
+        q, by_z = len(forces) - len(self._A_qq), np.zeros(len(self.rows))
         if self.left:
             left = np.zeros(q + 1)  # the last for rows of -1
             left[self._normal[dropped]] = of.gap[dropped]
@@ -289,10 +289,10 @@ class Zone:
         found = self.space.adjoint(
             conditions, Response(of.gap, of.slip, normal_force, friction, by_z), key
         )
-        moved[self.rows] = S.dot(found.load) - by_z
+        moved[self.rows] = found.moved - by_z
         if len(forces) > q:
             moved[q:] = self._A_qq @ anchors - self._rigid.solve(self._A_zq.T @ found.load)
-        return found._replace(load=moved)
+        return found._replace(moved=moved)
 
 
 class _Loads:

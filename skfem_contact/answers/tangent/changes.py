@@ -77,7 +77,7 @@ class Change:
         """The difference to another one, times a factor."""
         shape = {name: factor * (own - other.shape[name]) for name, own in self.shape.items()}
         parts = zip(self.parts, other.parts, strict=True)
-        return Change(*(factor * (own - away) for own, away in parts), shape)
+        return Change(*(factor * (own - away) for own, away in parts), shape=shape)
 
 
 class Parameter:

@@ -204,10 +204,10 @@ def backward(
     back.slip = found.anchor - along + by_slip
     back.reference = np.where(closed[:, None], reference, 0.0) - by_slip
     back.tangential_force = back.tangential_force + by_trial
-    out = replace(Change.none(answer), gap0=found.gap0, slip0=found.slip0, friction=by_map)
-    out.bound = np.where(closed, bound, 0.0)
+    bound = np.where(closed, bound, 0.0)
+    out = Change(given.x, given.x, found.gap0, found.slip0, by_map, bound)
     if loads:
-        force = problem.G.T @ found.load + (0.0 if pulled is None else pulled.prescribed)
+        force = problem.G.T @ found.moved + (0.0 if pulled is None else pulled.prescribed)
         out.f = recovered(problem, force, given.case)
         out.x = _by_supports(tangent, out, weights.u)
     return out, back

@@ -192,14 +192,21 @@ class Tangent:
 
     def friction(self, by_map: Array, by_trial: Array, by_slip: Array) -> Array:
         """Changes of friction by those of the return map, and of the friction and slip before."""
-        slopes = self.slopes
-        parts = (slopes.by_map, by_map), (slopes.by_trial, by_trial), (slopes.by_slip, by_slip)
-        return sum(np.einsum("ikl,il->ik", slope, given) for slope, given in parts)
+        found, given = np.zeros(self.local.slip.shape), (by_map, by_trial, by_slip)
+        for slope, own in zip(self._slopes, given, strict=True):
+            if slope is not None:
+                found += np.einsum("ikl,il->ik", slope, own)
+        return found
 
-    def friction_by(self, given: Array) -> tuple[Array, ...]:
+    def friction_by(self, given: Array) -> list[Array]:
         """`friction` transposed."""
+        still = np.zeros(given.shape)
+        return [still if s is None else np.einsum("ikl,ik->il", s, given) for s in self._slopes]
+
+    @property
+    def _slopes(self) -> list[Array | None]:
         slopes = self.slopes.by_map, self.slopes.by_trial, self.slopes.by_slip
-        return tuple(np.einsum("ikl,ik->il", slope, given) for slope in slopes)
+        return [slope if np.count_nonzero(slope) else None for slope in slopes]
 
     # -- how far it holds -----------------------------------------------------------------------
 
