@@ -272,12 +272,11 @@ class Zone:
             Derivatives of a number by gaps, slips and forces of all points; its solution those by the
             forces of all rows and of the springs on anchors, which come on top.
         """
-        forces, dropped, moved = of.solution.copy(), self._dropped, np.zeros(len(of.solution))
+        forces, moved = of.solution.copy(), np.zeros(len(of.solution))
         q, by_z = len(forces) - len(self._A_qq), np.zeros(len(self.rows))
         if self.left:
             left = np.zeros(q + 1)  # the last for rows of -1
-            left[self._normal[dropped]] = of.gap[dropped]
-            left[self._tangential[dropped]] = of.slip[dropped]
+            left[self._normal], left[self._tangential] = of.gap, of.slip
             moved[self.rest] = left[self.rest]
             forces[self._on] += moved[self.rest] @ self._across
         if len(forces) > q:

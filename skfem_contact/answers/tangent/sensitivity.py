@@ -311,7 +311,9 @@ def _by_displacement(answer: Answer, out: Weights, key: str, value: Any) -> None
 def _by_quantity(answer: Answer, out: Weights, what: str, value: Any, i: int, part: slice) -> None:
     m, t, d = part.stop - part.start, answer.kin.tangents, answer.kin.normal.shape[1]
     shape = {"slip": (m, t), "tangential_force": (m, t), "force": (d,)}.get(what, (m,))
-    w = np.broadcast_to(_shaped(value, shape, what), shape if what != "force" else (m, d))
+    w = _shaped(value, shape, what)
+    if what == "force":
+        w = np.broadcast_to(w, (m, d))
     for name, at, by in _terms(answer, what, i, part):
         np.add.at(out.points[name], at, np.einsum("io,iwo->iw", w.reshape(m, -1), by))
 
