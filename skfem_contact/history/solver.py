@@ -55,6 +55,7 @@ from skfem_contact.problem.substructure import Substructure
 from skfem_contact.sealed import sealed
 
 if TYPE_CHECKING:
+    from skfem_contact.answers.tangent.modes import Modes
     from skfem_contact.history.checkpoint import SavedState
     from skfem_contact.history.gradients import Gradient, Jacobian
     from skfem_contact.problem.model import AnyBodies
@@ -615,6 +616,58 @@ class ContactSolver(Variants):
         if not isinstance(steps, Mapping) or not steps:
             raise InputError(f"cases are {shown(steps)}; give a dict, {{'name': step, ...}}")
         return LoadCases({case: next(self.history([s], start=start)) for case, s in steps.items()})
+
+    @known_keywords(**OF_SOLVER)
+    def modes(self, result: ContactResult, n: int = 10, *, slipping: str = "stuck") -> Modes:
+        """Modes of vibration about a result: closed points stay closed.
+
+        Bodies need a mass, ``Body(..., mass=density)``. They may be free, and bolts are locked. With
+        ``sliding="finite"`` the points are those of the deformed bodies.
+
+        Parameters
+        ----------
+        result : ContactResult
+            Of this solver. Where it has open points they stay open.
+        n : int
+            How many, the lowest first.
+        slipping : {"stuck", "free", "steady"}
+            Points that slip in the result stick in a small vibration, as a rule. "free": they move
+            along the surface without resistance; "steady": they slide on, by more than they vibrate,
+            and their friction follows the pressure. Then modes may grow, as where brakes squeal.
+
+        Returns
+        -------
+        Modes
+
+        Raises
+        ------
+        InputError
+            No convergence, no mass, or more modes than DOFs.
+
+        Examples
+        --------
+        A square that is pressed on a floor, and sticks:
+
+        >>> import numpy as np
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(3).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> steel = sc.Elastic(210e9, 0.3, density=7850.0)
+        >>> block = sc.Body(basis, steel, f={"top": (0.0, -1e6)}, name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+        >>> solver = sc.ContactSolver(block, foot)
+        >>> print(solver.modes(solver.solve(), 2))
+        2 modes, slipping points stuck
+            0  565.191
+            1  1376.18
+        """
+        from skfem_contact.answers.tangent.modes import modes
+
+        check_kind(result, ContactResult, "result", "give one of solve() or history()")
+        return modes(result._answer, self._stiffness, n, slipping)
 
     @known_keywords(**OF_SOLVER, **OF_STEP)
     def gradient(

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import check_switch, known_keywords, numbers
@@ -35,6 +35,7 @@ from skfem_contact.output.fields import (
     body_nodes,
     checked_field,
     checked_units,
+    displaced,
     labelled,
     quantity,
 )
@@ -63,6 +64,7 @@ def plot_deformed(
     units: Mapping[str, str] | None = None,
     window: Sequence[float] | None = None,
     obstacles: bool = True,
+    u: ArrayLike | None = None,
 ) -> Any:
     """Draw the deformed bodies, coloured, and rigid obstacles, with arrows of the traction.
 
@@ -95,6 +97,9 @@ def plot_deformed(
         In the plane: what part is shown; arrows and the strokes of obstacles have its size.
     obstacles : bool
         Draw rigid obstacles: planes of symmetry may hide what matters.
+    u : ndarray, shape (n,), optional
+        Displacements of all bodies in the place of those of the result: a shape of vibration, times
+        the size that it is to have [length].
 
     Returns
     -------
@@ -121,6 +126,7 @@ def plot_deformed(
     >>> ax.get_title()
     'deformation magnified 5 times'
     """
+    result, arrows = displaced(result, u), arrows and u is None
     solid, words = is_solid(result), checked_units(units)
     check_switch(obstacles, "plot_deformed: obstacles")
     if solid and window is not None:

@@ -35,6 +35,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.arrays import largest, lengths
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
+from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import SOLVED
@@ -325,7 +326,7 @@ class Tangent:
     @property
     def rows(self) -> csr_matrix:
         """Rows whose product with rates of u is zero: closed gaps, then slips that stick, (k, n)."""
-        return self._rows(coupled=False)
+        return held_rows(self.answer.kin, self.closed, self.stick)
 
     @cached_property
     def T(self) -> csr_matrix:
@@ -338,7 +339,9 @@ class Tangent:
 
         Of as many columns as `T`, and T itself where no friction follows the pressure.
         """
-        return self._basis(self._rows(coupled=True)) if np.any(self.slope) else self.T
+        if not np.any(self.slope):
+            return self.T
+        return self._basis(held_rows(self.answer.kin, self.closed, self.stick, self.slope))
 
     @property
     def K_r(self) -> csr_matrix:
@@ -350,20 +353,6 @@ class Tangent:
         """The part of `K_r` by friction that follows the pressure, ``(W - T)' K T``, (r, r)."""
         return csr_matrix((self.W - self.T).T @ self.K @ self.T)
 
-    def _rows(self, coupled: bool) -> csr_matrix:
-        kin = self.answer.kin
-        m, t = self.slope.shape
-        stuck = np.repeat(self.stick, t)
-        normal = kin.B_n
-        if coupled and t:
-            point, k = np.nonzero(self.slope)
-            follows = csr_matrix((self.slope[point, k], (point, point * t + k)), (m, m * t))
-            normal = csr_matrix(normal - follows @ kin.B_t)
-        held = [normal[self.closed]]
-        if stuck.any():
-            held.append(kin.B_t[stuck])
-        return csr_matrix(vstack(held))
-
     def _basis(self, rows: csr_matrix) -> csr_matrix:
         from skfem_contact.elimination.eliminate import eliminate
 
@@ -374,6 +363,23 @@ class Tangent:
         count = [int(np.sum(self.status == k)) for k in (OPEN, STICK, SLIP)]
         kinks = "no kinks" if not len(self.kinks) else f"kinks at points {self.kinks.tolist()}"
         return "<Tangent: {} open, {} stick, {} slip; {}>".format(*count, kinks)
+
+
+def held_rows(kin: Kinematics, closed: Mask, stick: Mask, slope: Array | None = None) -> csr_matrix:
+    """Rows of closed gaps, then of slips that stick, (k, n).
+
+    With the slope of friction by the normal force, (m, d-1): rows of what contact forces work on.
+    """
+    normal, t = kin.B_n, kin.tangents
+    if slope is not None and slope.size:
+        point, k = np.nonzero(slope)
+        shape = len(slope), slope.size
+        follows = csr_matrix((slope[point, k], (point, point * t + k)), shape)
+        normal = csr_matrix(normal - follows @ kin.B_t)
+    held = [normal[closed]]
+    if t and stick.any():
+        held.append(kin.B_t[np.repeat(stick, t)])
+    return csr_matrix(vstack(held))
 
 
 def differentiable(law: FrictionLaw) -> bool:
