@@ -94,6 +94,7 @@ finally:
 if TYPE_CHECKING:
     from skfem_contact.answers.error.sources import ErrorEstimate, ErrorSources
     from skfem_contact.answers.tangent.changes import Parameter
+    from skfem_contact.answers.tangent.modes import Modes
     from skfem_contact.answers.tangent.sensitivity import Sensitivity
     from skfem_contact.answers.tangent.tangent import Tangent
     from skfem_contact.assemblies.finding import FoundContact, FoundContacts, find_contacts
@@ -159,6 +160,7 @@ __all__ = [
     "LinearSolveError",
     "LoadCases",
     "MaterialError",
+    "Modes",
     "MooneyRivlin",
     "NeoHooke",
     "NoEquilibrium",
@@ -219,6 +221,7 @@ _LATER = {
     "Gradient": "history.gradients",
     "Jacobian": "history.gradients",
     "LevelSet": "obstacles.level_set",
+    "Modes": "answers.tangent.modes",
     "MooneyRivlin": "materials.hyperelastic",
     "NeoHooke": "materials.hyperelastic",
     "NonlinearBody": "bodies.nonlinear",

@@ -76,8 +76,9 @@ class Change:
     def minus(self, other: Change, factor: float) -> Change:
         """The difference to another one, times a factor."""
         shape = {name: factor * (own - other.shape[name]) for name, own in self.shape.items()}
-        parts = zip(self.parts, other.parts, strict=True)
-        return Change(*(factor * (own - away) for own, away in parts), shape=shape)
+        parts = [factor * (own - away) for own, away in zip(self.parts, other.parts, strict=True)]
+        f, x, gap0, slip0, friction, bound = parts
+        return Change(f, x, gap0, slip0, friction, bound, shape)
 
 
 class Parameter:

@@ -60,6 +60,22 @@ class Modes:
         What slipping points do.
     system : System
         The bodies.
+
+    Examples
+    --------
+    A square that floats has three rigid motions:
+
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> basis = fem.Basis(
+    ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+    ... )
+    >>> block = sc.Body(basis, sc.Elastic(1.0, 0.3, density=1.0), name="block")
+    >>> far = sc.Contact(block.surface("bottom"), sc.RigidPlane((0, -1), (0, 1)))
+    >>> solver = sc.ContactSolver(block, far)
+    >>> modes = solver.modes(solver.solve(), 4)
+    >>> modes.frequency.round(3).tolist(), modes.shapes.shape
+    ([0.0, 0.0, 0.0, 0.413], (4, 50))
     """
 
     frequency: Array
