@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import skfem as fem
+from bolted import upright
 from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 from rectangles import block, rectangle
@@ -355,6 +356,7 @@ def test_the_matrices_give_the_same_derivatives(seed, dim):
     loads = [result.sensitivity(sc.Parameter("load", of=k, along=v)).u for k, v in along.items()]
     u = tangent.T @ np.linalg.solve(tangent.K_r.toarray(), tangent.W.T @ f)
     assert_allclose(u, sum(loads), atol=1e-9 * np.abs(u).max())
+    assert_allclose(tangent.solve(f), u, atol=1e-9 * np.abs(u).max())
     symmetric = (tangent.K_r - tangent.K_friction).toarray()
     assert_allclose(symmetric, symmetric.T, atol=1e-12)
     assert abs(tangent.rows @ u).max() < 1e-9 * np.abs(u).max()
@@ -465,6 +467,17 @@ def test_what_has_no_derivative_is_refused(words):
     [result] = pressed(**REFUSED[words]).history([STEP])
     with pytest.raises(sc.InputError, match=words):
         result.linearized  # noqa: B018
+
+
+def test_bolts_and_internal_variables_are_refused():
+    """What is handed on from step to step, and not differentiated."""
+    with pytest.raises(sc.InputError, match="stretch of bolts"):
+        upright()[0].sensitivity("load")
+    basis = rectangle(np.linspace(0, 2, 5), np.linspace(0, 1, 3))
+    body = sc.NonlinearBody(basis, sc.J2(1.0, 0.3, 0.1), D="top", name="block")
+    solver = sc.ContactSolver(body, sc.Contact(body.surface("bottom"), FLOOR, interference=1e-4))
+    with pytest.raises(sc.InputError, match="internal variables"):
+        solver.solve().sensitivity("interference")
 
 
 def test_wrong_questions_are_refused():

@@ -28,10 +28,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.answers.answer import Answer
+from skfem_contact.arguments import numbers
 from skfem_contact.arrays import largest, lengths
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
@@ -306,6 +307,18 @@ class Tangent:
             del vars(new)[name]
         return new
 
+    def solve(self, force: ArrayLike) -> Array:
+        """Changes of displacements (n,) under those of loads (n,), ``T (W'KT)^-1 W'``, by factors."""
+        from skfem_contact.answers.tangent.rates import Change, forward
+
+        f = numbers(force, "force", "give a load on all DOFs, (n,)")
+        system, change = self.answer.system, Change.none(self.answer)
+        if f.shape != change.f.shape:
+            raise InputError(f"force has shape {f.shape}; give a load on all DOFs, {change.f.shape}")
+        change.f = f / system.units
+        change.f[system.D] = 0.0
+        return forward(self, change, None).u / system.units
+
     # -- matrices, on request -------------------------------------------------------------------
 
     @cached_property
@@ -410,6 +423,12 @@ def refuse(answer: Answer) -> None:
         "conditions of its points depend on each other, so that forces are not unique. Let contacts "
         "share no edge, and make a held tool no finer than what it presses": answer.springs,
         "a body may stand elsewhere as well. Prescribe a DOF (D=...)": answer.indifferent,
+        "the stretch of bolts is handed on from step to step, and not differentiated": (
+            answer.bolts is not None and answer.bolts.names
+        ),
+        "a material has internal variables, which are not differentiated": any(
+            getattr(body, "initial_state", None) for body in model.system.bodies
+        ),
     }
     for law in bare[:1]:
         reasons[
