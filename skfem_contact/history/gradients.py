@@ -16,22 +16,15 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.answers.tangent.changes import (
-    Parameter,
-    change,
-    contracted,
-    needs_loads,
-    parameter,
-)
+from skfem_contact.answers.tangent.changes import LOADS, Parameter, contracted, parameter
 from skfem_contact.answers.tangent.rates import Carried, backward, check_lost
 from skfem_contact.answers.tangent.sensitivity import Sensitivity, sensitivity, weights_of
-from skfem_contact.answers.tangent.tangent import Tangent, refuse
+from skfem_contact.answers.tangent.tangent import Tangent
 from skfem_contact.arguments import numbers, shown
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.history.load_step import recover_all
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.problem.zone import Zones
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
@@ -102,34 +95,30 @@ class Jacobian:
     @property
     def rank(self) -> int:
         """How many combinations of the parameters the values tell."""
-        return int(np.sum(self._decomposed[0] > SOLVED * self._decomposed[0].max(initial=0.0)))
-
-    @property
-    def _decomposed(self) -> tuple[Array, Array]:
         size = np.linalg.norm(self.matrix, axis=0)
-        _, s, V = np.linalg.svd(self.matrix / np.where(size > 0, size, 1.0), full_matrices=True)
-        return np.append(s, np.zeros(len(V) - len(s))), V
+        s = np.linalg.svd(self.matrix / np.where(size > 0, size, 1.0), compute_uv=False)
+        return int(np.sum(s > SOLVED * s.max(initial=0.0)))
 
     @property
     def words(self) -> str:
         """What the values do not tell, in words; empty where they tell every parameter."""
+        told, slips = (
+            self.matrix.any(axis=0),
+            any(np.any(v.status == 2) for r in self.results for v in r),
+        )
         said = [
             f"The values do not depend on {by!r}."
-            + (" No point slips in this history." if by.kind == "friction" and self._all_stick else "")
-            for by, column in zip(self.by, self.matrix.T, strict=True)
-            if not np.any(column)
+            for by, on in zip(self.by, told, strict=True)
+            if not on
         ]
-        zero = sum(not np.any(column) for column in self.matrix.T)
-        alike = self.matrix.shape[1] - zero - self.rank
+        if not slips and any(by.kind == "friction" for by in self.by):
+            said.append("No point slips in this history.")
+        alike = np.count_nonzero(told) - self.rank
         if alike:
             said.append(f"{alike} combinations of the other parameters have no effect on them.")
         if said:
             said.append("Start where they do, measure something else, or leave parameters out.")
         return " ".join(said)
-
-    @property
-    def _all_stick(self) -> bool:
-        return all(np.all(values.status != 2) for result in self.results for values in result)
 
 
 def solved(
@@ -139,14 +128,12 @@ def solved(
     results = list(solver.history(steps, start=start))
     if not results:
         raise InputError("steps are empty: there is nothing to differentiate")
-    answers = [answer_of(result) for result in results]
-    refuse(answers[0])
-    problem = answers[0].model.for_tangents
-    assert problem is not None
-    zones = Zones(problem.compliance)
+    answers, tangents = [answer_of(result) for result in results], list[Tangent]()
+    for answer in answers:
+        tangents.append(Tangent(answer, tangents[0].zones if tangents else None))
     if any(p.kind in ("stiffness", "scene") for p in by):
         recover_all(answers)
-    return results, [Tangent(answer, zones) for answer in answers]
+    return results, tangents
 
 
 def parameters(by: Any, many: bool) -> tuple[Parameter, ...]:
@@ -184,7 +171,7 @@ def gradient(
     by = parameters(by, many=True)
     results, tangents = solved(solver, steps, start, by)
     value, given = _derivatives(objective(results), results, "the objective")
-    loads = any(map(needs_loads, by))
+    loads = any(p.kind in LOADS for p in by)
     found: list[list[Any]] = [[] for _ in by]
     after: Carried | None = None
     with single_threaded():
@@ -194,29 +181,20 @@ def gradient(
                 check_lost(tangent)
             duals, after = backward(tangent, weights, after, loads)
             for p, parts in zip(by, found, strict=True):
-                part = contracted(p, tangent, duals)
-                if p.kind == "scene":
-                    part += weights.at(change(p, tangent).shape)
-                parts.append(part)
+                parts.append(contracted(p, tangent, duals, weights))
     parts = [np.array(own[::-1]) if p.each_step else sum(own) for p, own in zip(by, found, strict=True)]
     return Gradient(float(value), by, parts, results)
 
 
 def jacobian(
-    solver: Any,
-    observe: Callable[..., Any],
-    steps: Iterable[Any],
-    by: Any,
-    start: Any,
-    side: int,
+    solver: Any, observe: Callable[..., Any], steps: Iterable[Any], by: Any, start: Any, side: int
 ) -> Jacobian:
     """See `ContactSolver.jacobian`."""
     by = parameters(by, many=False)
     results, tangents = solved(solver, steps, start, by)
     values, given = _derivatives(observe(results), results, "observe")
     values = numbers(values, "values of observe", "give a vector")
-    matrix = np.zeros((len(values), len(by)))
-    rows = [_rows(tangent, own, len(values)) for tangent, own in zip(tangents, given, strict=True)]
+    matrix, rows = np.zeros((len(values), len(by))), [_rows(own, len(values)) for own in given]
     for j, p in enumerate(by):
         known: Sensitivity | None = None
         for tangent, own in zip(tangents, rows, strict=True):
@@ -226,16 +204,12 @@ def jacobian(
     return Jacobian(values, matrix, by, results)
 
 
-def _rows(tangent: Tangent, given: Any, count: int) -> list[tuple[int, Any]]:
+def _rows(given: Any, count: int) -> list[tuple[int, Any]]:
     """The values that depend on a result, each with its derivatives."""
-    if given is None:
-        return []
-    if not isinstance(given, dict) or not all(isinstance(key, int | np.integer) for key in given):
+    given = {} if given is None else given
+    if not isinstance(given, dict) or not all(key in range(count) for key in given):
         raise InputError(
             f"derivatives of observe are {shown(given)}; give for each result a dict by the number of "
-            "the value, {3: {'force': (1.0, 0.0)}}"
+            f"the value, 0 to {count - 1}: {{3: {{'force': (1.0, 0.0)}}}}"
         )
-    wrong = [key for key in given if not 0 <= key < count]
-    if wrong:
-        raise InputError(f"observe returned {count} values, and derivatives of number {wrong[0]}")
     return list(given.items())

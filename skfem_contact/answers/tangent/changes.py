@@ -28,7 +28,9 @@ from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
-KINDS = "friction", "stiffness", "load", "displacement", "interference", "gap", "motion", "scene"
+#: What changes loads of bodies, so that derivatives by these are needed inside; then what does not.
+LOADS = "stiffness", "load", "displacement", "scene"
+KINDS = "friction", *LOADS, "interference", "gap", "motion"
 
 
 @dataclass(eq=False)
@@ -75,7 +77,7 @@ class Change:
 
     def minus(self, other: Change, factor: float) -> Change:
         """The difference to another one, times a factor."""
-        shape = {name: factor * (own - other.shape[name]) for name, own in self.shape.items()}
+        shape = {name: factor * (own - other.shape.get(name, 0.0)) for name, own in self.shape.items()}
         parts = [factor * (own - away) for own, away in zip(self.parts, other.parts, strict=True)]
         f, x, gap0, slip0, friction, bound = parts
         return Change(f, x, gap0, slip0, friction, bound, shape)
@@ -348,12 +350,13 @@ def _field(by: Parameter, given: ArrayLike, count: int) -> Array:
 # -- backwards, from the derivatives of a number by all changes of a step --------------------------
 
 
-def contracted(by: Parameter, tangent: Tangent, duals: Change) -> Any:
+def contracted(by: Parameter, tangent: Tangent, duals: Change, weights: Any) -> Any:
     """Derivative of a number by a parameter in one step: a number, or the array of a field."""
     answer, kin = tangent.answer, tangent.answer.kin
     if not by.field:
-        parts = zip(change(by, tangent).parts, duals.parts, strict=True)
-        return sum(float(np.vdot(a, b)) for a, b in parts)
+        found = change(by, tangent)
+        pairs = zip(found.parts, duals.parts, strict=True)
+        return sum((float(np.vdot(a, b)) for a, b in pairs), weights.at(found.shape))
     if by.kind in ("load", "displacement"):
         i, span = _only(_bodies(by, answer), by)
         return (duals.f if by.kind == "load" else duals.x)[span] * _factor(by, answer, i)
@@ -367,8 +370,3 @@ def contracted(by: Parameter, tangent: Tangent, duals: Change) -> Any:
         return -(kin.normal[part].T @ gap0[part] + np.einsum("ik,ikd->d", slip0, kin.axes[part]))
     given = gap0 if kin.gap_weights is None else kin.gap_weights.T @ gap0
     return given[part] * (1.0 if by.kind == "gap" else -1.0)
-
-
-def needs_loads(by: Parameter) -> bool:
-    """Whether a parameter changes loads of the bodies, so that duals of the interior are needed."""
-    return by.kind in ("stiffness", "load", "displacement", "scene")
