@@ -84,11 +84,25 @@ class Power(sc.FrictionLaw):
         return np.where(normal_force > 0, 0.9 * self.mu * size**-0.1 * area**0.1, 0.0)
 
 
+@dataclass(frozen=True, eq=False)
+class Growing(sc.FrictionLaw):
+    """A bound that grows with the slip, with its slope by the normal force."""
+
+    mu: float = 0.3
+
+    def limit(self, normal_force, area, slip):
+        return self.mu * normal_force * (1 + 40 * np.linalg.norm(slip, axis=1))
+
+    def slope(self, normal_force, area, slip):
+        return self.mu * (1 + 40 * np.linalg.norm(slip, axis=1))
+
+
 LAWS = {
     "stiffness": lambda mu: sc.Coulomb(mu, stiffness=3.0),
     "cap": lambda mu: sc.Coulomb(mu, tau_max=0.002),
     "Tresca": lambda mu: sc.Tresca(0.01 * mu),
     "power": lambda mu: Power(mu=mu),
+    "growing": lambda mu: Growing(mu=mu),
 }
 
 
@@ -98,6 +112,14 @@ def test_other_laws_have_derivatives(law):
     state = State(13, 2, LAWS[law])
     for by in ("displacement", "interference"):
         assert worst(state, by, WIDTH[by]) < CLOSE
+
+
+def test_slips_turn_on_springs():
+    """In space, with a finite stiffness, friction turns with the force of the step before."""
+    state = State(0, 3, lambda mu: sc.Coulomb(0.5 * mu, stiffness=3.0))
+    results = state.history()
+    assert len(results) > 1 and any(np.any(r.status == 2) for r in results)
+    assert worst(state, "displacement", 1e-4) < CLOSE
 
 
 def test_ellipses_have_derivatives():
@@ -119,6 +141,31 @@ def test_backwards_is_forwards(dim):
     assert found.value == whole(state.history())[0]
     # sums of terms that are larger, see `whole`
     assert_allclose(found.vector, wanted, rtol=1e-12, atol=1e-12 * max(map(abs, wanted)))
+
+
+def test_points_that_are_left_out_count():
+    """Backwards is forwards where most points are open and left out: their gaps too."""
+    low = rectangle(np.linspace(-2, 2, 40), np.linspace(-1, 0, 5))
+    up = rectangle(np.linspace(-2, 2, 50), np.linspace(0, 1, 5))
+    bodies = [
+        sc.Body(low, linear_elasticity(1.0, 0.7), D="bottom", name="low"),
+        sc.Body(up, linear_elasticity(1.0, 0.7), f={"top": (1e-4, -2e-3)}, name="up"),
+    ]
+    joint = sc.Contact(
+        bodies[1].surface("bottom"),
+        bodies[0].surface("top"),
+        friction=sc.Coulomb(0.4),
+        gap=lambda x: 0.01 * x[0] ** 2,
+        name="joint",
+    )
+    solver, steps = sc.ContactSolver(bodies, joint), [0.5, 1.0]
+    along = np.random.default_rng(0).uniform(-1, 1, 50)
+    by = sc.Parameter("gap", along=along), sc.Parameter("load")
+    found = solver.gradient(whole, steps, by=by)
+    assert np.count_nonzero(found.results[-1].status) < 25
+    wanted = [by_hand(found.results, p, whole(found.results)[1]) for p in by]
+    # a floating body: its rigid motions take digits of sums that are larger
+    assert_allclose(found.vector, wanted, rtol=1e-9)
 
 
 def test_fields_are_sums_of_numbers():
