@@ -102,18 +102,13 @@ class Jacobian:
     @property
     def words(self) -> str:
         """What the values do not tell, in words; empty where they tell every parameter."""
-        told, slips = (
-            self.matrix.any(axis=0),
-            any(np.any(v.status == 2) for r in self.results for v in r),
-        )
-        said = [
-            f"The values do not depend on {by!r}."
-            for by, on in zip(self.by, told, strict=True)
-            if not on
-        ]
+        told: list[bool] = np.any(self.matrix != 0, axis=0).tolist()
+        slips = any(np.any(values.status == 2) for result in self.results for values in result)
+        by_told = zip(self.by, told, strict=True)
+        said = [f"The values do not depend on {by!r}." for by, on in by_told if not on]
         if not slips and any(by.kind == "friction" for by in self.by):
             said.append("No point slips in this history.")
-        alike = np.count_nonzero(told) - self.rank
+        alike = sum(told) - self.rank
         if alike:
             said.append(f"{alike} combinations of the other parameters have no effect on them.")
         if said:

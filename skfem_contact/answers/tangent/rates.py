@@ -21,11 +21,9 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.tangent.changes import Change
 from skfem_contact.answers.tangent.tangent import Tangent
 from skfem_contact.arrays import lengths
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.problem.condensed import PointProblem
-from skfem_contact.problem.response import Load, Response, Source
+from skfem_contact.problem.response import Load, Response
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
@@ -112,20 +110,13 @@ class Rates:
     @cached_property
     def u(self) -> Array:
         """Of the displacements of all bodies, (n,)."""
-        problem = self.tangent.problem
-        return recovered(problem, problem.source(self.load, self.response).values, self.change.case)
+        source = self.tangent.problem.source(self.load, self.response)
+        return self.tangent.recovered(source.values, self.change.case)
 
     def dot(self, weights: Weights) -> float:
         """The derivative of a number that depends on the answer by these weights."""
         found = weights.at(self.points) + float(weights.lost @ self.lost)
         return found if weights.u is None else found + float(weights.u @ self.u)
-
-
-def recovered(problem: PointProblem, force: Array, case: LoadCase) -> Array:
-    """Displacements (n,) under a load case and forces on the contact DOFs (n_c,)."""
-    with single_threaded():
-        found: Array = problem.bodies.recover(Source(force[:, None], True), [None], [case])[0]
-    return found
 
 
 def forward(tangent: Tangent, change: Change, before: Carried | None) -> Rates:
@@ -208,7 +199,7 @@ def backward(
     out = Change(given.x, given.x, found.gap0, found.slip0, by_map, bound)
     if loads:
         force = problem.G.T @ found.moved + (0.0 if pulled is None else pulled.prescribed)
-        out.f = recovered(problem, force, given.case)
+        out.f = tangent.recovered(force, given.case)
         out.x = _by_supports(tangent, out, weights.u)
     return out, back
 

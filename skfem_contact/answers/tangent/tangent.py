@@ -37,11 +37,13 @@ from skfem_contact.arrays import largest, lengths
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.problem.response import Conditions
+from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.problem.response import Conditions, Source
 from skfem_contact.problem.zone import Zone, Zones
 from skfem_contact.records import dataclass
 
@@ -309,15 +311,27 @@ class Tangent:
 
     def solve(self, force: ArrayLike) -> Array:
         """Changes of displacements (n,) under those of loads (n,), ``T (W'KT)^-1 W'``, by factors."""
-        from skfem_contact.answers.tangent.rates import Change, forward
+        f, system, still = (
+            numbers(force, "force", "give a load (n,)"),
+            self.answer.system,
+            self.conditions,
+        )
+        if f.shape != (system.n,):
+            raise InputError(f"force has shape {f.shape}; give a load on all DOFs, ({system.n},)")
+        none, f = np.zeros(len(self.status)), f / system.units
+        f[system.D] = 0.0
+        case = LoadCase(f, np.zeros(system.n), none, still.anchor, none, ())
+        with single_threaded():
+            load, (zone, key) = self.problem.other_load(case), self.zone
+            source = self.problem.source(load, zone.solve(still, load, key))
+        return self.recovered(source.values, case) / system.units
 
-        f = numbers(force, "force", "give a load on all DOFs, (n,)")
-        system, change = self.answer.system, Change.none(self.answer)
-        if f.shape != change.f.shape:
-            raise InputError(f"force has shape {f.shape}; give a load on all DOFs, {change.f.shape}")
-        change.f = f / system.units
-        change.f[system.D] = 0.0
-        return forward(self, change, None).u / system.units
+    def recovered(self, force: Array, case: LoadCase) -> Array:
+        """Displacements (n,) under a load case and forces on the contact DOFs (n_c,)."""
+        source = Source(force[:, None], True)
+        with single_threaded():
+            found: Array = self.problem.bodies.recover(source, [None], [case])[0]
+        return found
 
     # -- matrices, on request -------------------------------------------------------------------
 
