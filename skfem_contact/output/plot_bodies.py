@@ -133,7 +133,6 @@ def plot_deformed(
         raise InputError("window is for plane pictures: set the limits of these axes instead")
     seen, bodies = view(result, scale), list(result.system.solids.values())
     values = [colours(result, body, stress, component) for body in bodies]
-    label = label or colour_name(stress, component, words)
     if solid:
         outside = [_on_boundary(body, v) for body, v in zip(bodies, values, strict=True)]
         ax, image, box = draw_bodies(result, seen, outside, ax, cmap, obstacles)
@@ -166,7 +165,7 @@ def plot_deformed(
     if remarks:
         note(ax, remarks, None if solid else np.concatenate(seen.nodes(result)))
     shape = {"shrink": 0.7, "pad": 0.13} if solid else {"shrink": 0.85, "pad": 0.02}
-    ax.figure.colorbar(image, ax=ax, label=label, **shape)
+    ax.figure.colorbar(image, ax=ax, label=label or colour_name(stress, component, words), **shape)
     ax.set_title(seen.words)
     for axis in "xyz"[: box[0].size]:
         if getattr(ax, f"get_{axis}label")() or not solid:  # those of flat solids stay empty
