@@ -93,6 +93,10 @@ finally:
 
 if TYPE_CHECKING:
     from skfem_contact.answers.error.sources import ErrorEstimate, ErrorSources
+    from skfem_contact.answers.tangent.changes import Parameter
+    from skfem_contact.answers.tangent.modes import Modes
+    from skfem_contact.answers.tangent.sensitivity import Sensitivity
+    from skfem_contact.answers.tangent.tangent import Tangent
     from skfem_contact.assemblies.finding import FoundContact, FoundContacts, find_contacts
     from skfem_contact.assemblies.reading import read_bodies
     from skfem_contact.bodies.nonlinear import NonlinearBody
@@ -100,6 +104,7 @@ if TYPE_CHECKING:
     from skfem_contact.elimination.constraint import AffineConstraint
     from skfem_contact.elimination.eliminate import eliminate
     from skfem_contact.history.checkpoint import SavedState
+    from skfem_contact.history.gradients import Gradient, Jacobian
     from skfem_contact.linalg.amg import AMG
     from skfem_contact.materials.elastic import Elastic
     from skfem_contact.materials.hyperelastic import MooneyRivlin, NeoHooke
@@ -145,7 +150,9 @@ __all__ = [
     "FoundContact",
     "FoundContacts",
     "FrictionLaw",
+    "Gradient",
     "InputError",
+    "Jacobian",
     "Joint",
     "Joints",
     "Kinematics",
@@ -153,6 +160,7 @@ __all__ = [
     "LinearSolveError",
     "LoadCases",
     "MaterialError",
+    "Modes",
     "MooneyRivlin",
     "NeoHooke",
     "NoEquilibrium",
@@ -161,6 +169,7 @@ __all__ = [
     "Options",
     "OrthotropicCoulomb",
     "PETSc",
+    "Parameter",
     "Record",
     "RigidBody",
     "RigidCylinder",
@@ -169,8 +178,10 @@ __all__ = [
     "RigidSphere",
     "RigidSurface",
     "SavedState",
+    "Sensitivity",
     "SingularMatrix",
     "System",
+    "Tangent",
     "Tresca",
     "Uniqueness",
     "UnknownKeyword",
@@ -207,17 +218,23 @@ _LATER = {
     "J2": "materials.plasticity",
     "FoundContact": "assemblies.finding",
     "FoundContacts": "assemblies.finding",
+    "Gradient": "history.gradients",
+    "Jacobian": "history.gradients",
     "LevelSet": "obstacles.level_set",
+    "Modes": "answers.tangent.modes",
     "MooneyRivlin": "materials.hyperelastic",
     "NeoHooke": "materials.hyperelastic",
     "NonlinearBody": "bodies.nonlinear",
     "PETSc": "petsc.backend",
+    "Parameter": "answers.tangent.changes",
     "RigidCylinder": "obstacles.shapes",
     "RigidPlane": "obstacles.shapes",
     "RigidPolyline": "obstacles.polyline",
     "RigidSphere": "obstacles.shapes",
     "RigidSurface": "obstacles.triangles",
     "SavedState": "history.checkpoint",
+    "Sensitivity": "answers.tangent.sensitivity",
+    "Tangent": "answers.tangent.tangent",
     "condense": "elimination.condense",
     "contact_rows": "elimination.condense",
     "eliminate": "elimination.eliminate",

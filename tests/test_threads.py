@@ -609,9 +609,9 @@ def test_lapack_gets_row_exchanges_of_its_own(monkeypatch, columns):
     factors, given = lu(A), []
     dgetrs = lapack.dgetrs
 
-    def seen(values, exchanged, b):
+    def seen(values, exchanged, b, **settings):
         given.append(exchanged)
-        return dgetrs(values, exchanged, b)
+        return dgetrs(values, exchanged, b, **settings)
 
     monkeypatch.setattr(lapack, "dgetrs", seen)
     b = np.ones((6, *columns))

@@ -6,6 +6,7 @@
 * `certificate`: how well the discrete equations hold; `uniqueness`: whether there are other answers, by
   the `pieces` of the equation, or a proof that there is only one; other forces;
 * `validity`: whether the model holds; `error`: how far the mesh may be off;
+* `tangent`: the answer linearised, and its derivatives;
 * `result`, `by_contact`: all of it as users see it, and printed; by contacts, and of the one there may
   be;
 * `thresholds`: numbers, and where they come from.

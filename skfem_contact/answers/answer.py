@@ -23,10 +23,11 @@ from skfem_contact.bodies.linearizable import State as Internal
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.interface import point_slices
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import Identity, LocalState, State
+from skfem_contact.conditions.state import OPEN, Identity, LocalState, State
 from skfem_contact.errors import InputError
 from skfem_contact.loops.step import Record
 from skfem_contact.once import once
@@ -66,6 +67,10 @@ class Answer:
         How linear problems were solved, and why, where bodies or surfaces are large; else empty.
     indifferent : tuple of str
         A sentence per motion that nothing loads and nothing holds.
+    before : LocalState or None
+        The state that the load step began from, along the tangents of its pairing.
+    parts : int
+        Into how many parts it was cut.
     springs : bool
         Whether contact rows depend on each other, so that points were seen through springs.
     bolts : Bolts or None
@@ -100,6 +105,8 @@ class Answer:
     factor: float | None = None
     linear: str = ""
     indifferent: tuple[str, ...] = ()
+    before: LocalState | None = field(default=None, repr=False)
+    parts: int = 1
     springs: bool = False
     bolts: Bolts | None = field(default=None, repr=False)
     placed: Placed | None = field(default=None, repr=False)
@@ -127,7 +134,8 @@ class Answer:
     def __getstate__(self) -> dict[str, Any]:
         """All that reports and pictures need, without the factors of the bodies and functions."""
         self.u  # noqa: B018 (recovered before the factors stay behind)
-        return dict(vars(self))
+        self.bound_before  # noqa: B018 (all that is asked of the state before)
+        return {**vars(self), "before": None}
 
     def __setstate__(self, known: dict[str, Any]) -> None:
         vars(self).update(known)
@@ -184,6 +192,16 @@ class Answer:
     def measured(self) -> dict[tuple[str, str], float]:
         """What has been measured of bodies, by kind and name, for all who ask for it."""
         return {}
+
+    @cached_property
+    def bound_before(self) -> Array:
+        """Bounds of friction that the load step began with, zero at open points, (m,) [force]."""
+        last = self.before
+        if last is None:
+            return np.zeros(len(self.gap))
+        rule = FrictionRule(self.model.interface.laws, last.area, last.reference)
+        bound = rule.bound(last.normal_force, last.slip)
+        return sealed(np.where(last.status == OPEN, 0.0, bound))
 
     @cached_property
     def local(self) -> LocalState:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable, Mapping
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,10 @@ from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.once import once
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
+
+if TYPE_CHECKING:
+    from skfem_contact.answers.tangent.sensitivity import Sensitivity
+    from skfem_contact.answers.tangent.tangent import Tangent
 
 Array = NDArray[np.float64]
 
@@ -332,6 +336,51 @@ class ContactResult(ByContact):
     def _counted(self) -> Uniqueness | None:
         return uniqueness(self._answer)
 
+    # -- derivatives --------------------------------------------------------------------------
+
+    @once
+    def linearized(self) -> Tangent:
+        """The equations of contact and friction linearised at this answer, see `Tangent`.
+
+        Raises
+        ------
+        InputError
+            This answer has no derivatives; the message says why.
+        """
+        from skfem_contact.answers.tangent.tangent import Tangent
+
+        return Tangent(self._answer)
+
+    @known_keywords()
+    def sensitivity(self, by: Any, *, after: Sensitivity | None = None, side: int = 0) -> Sensitivity:
+        """Derivatives of all quantities of this result by one number.
+
+        The statuses of all points stay what they are: see `linearized.margin` for how far that holds,
+        and `linearized.kinks` for the points where derivatives are one-sided.
+
+        Parameters
+        ----------
+        by : Parameter or str
+            What to differentiate by; a kind alone is that of all bodies or contacts.
+        after : Sensitivity, optional
+            That of the result that this one goes on from, by the same number. Without it the state
+            that this load step began from does not depend on the number.
+        side : {0, 1, -1}
+            1 and -1: the derivative for growing and for falling numbers, where the answer has a kink.
+
+        Returns
+        -------
+        Sensitivity
+
+        Raises
+        ------
+        InputError
+            This answer has no derivatives, or none by this; the message says why.
+        """
+        from skfem_contact.answers.tangent.sensitivity import sensitivity
+
+        return sensitivity(self.linearized, by, after, side)
+
     # -- printed ------------------------------------------------------------------------------
 
     def report(self) -> str:
@@ -359,7 +408,7 @@ class ContactResult(ByContact):
             values.contact_area  # noqa: B018
             if np.any(values.status != OPEN):
                 values.error_estimate  # noqa: B018
-        return dict(vars(self))
+        return {name: value for name, value in vars(self).items() if name != "linearized"}
 
 
 #: What a printed result leaves to the report, and how to get it.

@@ -26,6 +26,7 @@ from skfem_contact.bodies.inputs import (
     check_basis,
     deferred_basis,
     load_of,
+    mass_of,
     prescribed_dofs,
     prescribed_values,
     stiffness_of,
@@ -80,6 +81,10 @@ class Body(Meshed):
     measure : callable, optional
         Weight of the area where `K` carries one, a function of the component-first position:
         ``lambda x: 2 * np.pi * x[0]`` for axisymmetric bodies, a thickness for plane ones.
+    mass : float, BilinearForm or sparse matrix, optional
+        For `ContactSolver.modes`: the mass by volume, in the plane by area where `measure` is no
+        thickness, or a form or matrix (n, n); by default the density of a material. `mass` of the body
+        is the matrix, or None [mass].
     name : str, optional
         Name for reports and results.
 
@@ -127,6 +132,7 @@ class Body(Meshed):
     form: BilinearForm | None = field(init=False)
     by_skfem: str = field(init=False)
     _stiffness: Stiffness = field(init=False, repr=False)
+    _mass: Any = field(init=False, repr=False)
 
     def __init__(
         self,
@@ -137,9 +143,12 @@ class Body(Meshed):
         D: Dofs | None = None,
         x: Values | None = None,
         measure: Callable[[Array], Array] | None = None,
+        mass: Any = None,
         name: str | None = None,
     ) -> None:
         whose = self._place(basis, measure, name)
+        if mass is None:
+            mass = getattr(K, "density", 0.0) or None
         if isinstance(K, Elastic):
             K = K.form(measure, axisymmetric=self.axisymmetric)
         stiffness = Stiffness.of(K, basis, whose)
@@ -148,6 +157,7 @@ class Body(Meshed):
             "form": stiffness.form,
             "by_skfem": stiffness.by_skfem,
             "_stiffness": stiffness,
+            "_mass": mass,
             "D": prescribed_dofs(D, basis, whose),
         }
         for key, value in values.items():
@@ -183,6 +193,7 @@ class Body(Meshed):
         x: Values | None = None,
         intorder: int | None = None,
         measure: Callable[[Array], Array] | None = None,
+        mass: Any = None,
         name: str | None = None,
     ) -> Body:
         """Make a body without shape functions at points of integration, which fill the memory.
@@ -195,7 +206,7 @@ class Body(Meshed):
         mesh : skfem.Mesh
         element : skfem.Element
             As for `skfem.Basis`: ``ElementVector(ElementHex1())``.
-        K, f, D, x, measure, name
+        K, f, D, x, measure, mass, name
             As for `Body`. A form that uses more than the gradients of u and v, and a load that is a
             form, are integrated some elements at a time.
         intorder : int, optional
@@ -231,8 +242,16 @@ class Body(Meshed):
             D=D,
             x=x,
             measure=measure,
+            mass=mass,
             name=name,
         )
+
+    @cached_property
+    def mass(self) -> csr_matrix | None:
+        """Mass (n, n), or None if the body has none [mass]."""
+        if self._mass is None:
+            return None
+        return mass_of(self._mass, self.basis, self.measure, f"body {self.name or 'without name'!r}")
 
     def linearize(self, u: Array | None = None, state: State | None = None) -> Linearized:
         """The stiffness, and the internal forces ``K u``, see `Linearizable`."""
@@ -263,7 +282,7 @@ class Body(Meshed):
         if self.measure is not None and self.components > 1:
             known["axisymmetric"] = self.axisymmetric  # what depends on it is told without it
         known["measure"] = carried(self.measure, f"measure of body {self.name or 'without name'!r}")
-        known["moduli"] = self.moduli
+        known["moduli"], known["mass"], known["_mass"] = self.moduli, self.mass, None
         known["form"] = self.form if can_be_carried(self.form) else None  # K is what it gave
         del known["_stiffness"]
         return known

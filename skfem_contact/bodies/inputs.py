@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix, issparse
 from skfem.assembly import BilinearForm, CellBasis, DofsView, LinearForm
 
-from skfem_contact.arguments import shown, suggest
+from skfem_contact.arguments import number, shown, suggest
 from skfem_contact.arrays import check_finite, check_size, check_type, dof_numbers, rectangular
 from skfem_contact.bodies.assembly import Assembled, assembled
 from skfem_contact.bodies.quadrature import DeferredBasis, integrates, parts, scalar_element
@@ -135,6 +135,22 @@ def check_points(basis: Any, what: str) -> None:
 def stiffness_of(K: Any, basis: Any, whose: str) -> Any:
     """Return the stiffness (n, n) that a user means: a matrix, or a form that is assembled here."""
     return assembled_stiffness(K, basis, whose)[0]
+
+
+def mass_of(mass: Any, basis: Any, measure: Any, whose: str) -> Any:
+    """Return the mass (n, n) that a user means: a density, a form, or a matrix."""
+    if np.ndim(mass) == 0 and not isinstance(mass, BilinearForm) and not issparse(mass):
+        density = number(mass, f"mass of {whose}", "give the mass by volume, a form or a matrix")
+        if not 0.0 < density < np.inf:
+            raise InputError(f"mass of {whose} is {density:g}; the mass by volume is positive")
+
+        def inertia(u: Any, v: Any, w: Any) -> Any:
+            product = np.asarray(u) * np.asarray(v)
+            work = density * (product.sum(axis=0) if product.ndim == w.x.ndim else product)
+            return work if measure is None else work * measure(w.x)
+
+        mass = BilinearForm(inertia)
+    return stiffness_of(mass, basis, f"the mass of {whose}")
 
 
 def assembled_stiffness(K: Any, basis: Any, whose: str) -> tuple[Any, Assembled | None]:

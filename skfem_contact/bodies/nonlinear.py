@@ -128,6 +128,7 @@ class NonlinearBody(Body):
         x: Values | None = None,
         measure: Callable[[Array], Array] | None = None,
         mean_dilatation: bool | None = None,
+        mass: Any = None,
         name: str | None = None,
     ) -> None:
         whose = self._place(basis, measure, name)
@@ -153,7 +154,8 @@ class NonlinearBody(Body):
             object.__setattr__(self, key, getattr(equations, key, default))
         object.__setattr__(self, "equations", equations)
         K = equations.linearize(np.zeros(self.n), equations.initial_state).K
-        super().__init__(basis, K, f, D=D, x=x, measure=measure, name=name)
+        mass = (getattr(material, "density", 0.0) or None) if mass is None else mass
+        super().__init__(basis, K, f, D=D, x=x, measure=measure, mass=mass, name=name)
 
     def _continuum(self, material: Any, mean_dilatation: bool | None, whose: str) -> Continuum:
         """Equations from a material."""

@@ -255,6 +255,8 @@ class StepSolver(ByFields):
             factor=found.step.target.factor,
             linear=model.choice.said,
             indifferent=self._places(found),
+            before=attempt.start,
+            parts=way.substeps,
             springs=attempt.problem.springs is not None,
             bolts=self.bolts,
             placed=placed,

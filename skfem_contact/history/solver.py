@@ -55,7 +55,9 @@ from skfem_contact.problem.substructure import Substructure
 from skfem_contact.sealed import sealed
 
 if TYPE_CHECKING:
+    from skfem_contact.answers.tangent.modes import Modes
     from skfem_contact.history.checkpoint import SavedState
+    from skfem_contact.history.gradients import Gradient, Jacobian
     from skfem_contact.problem.model import AnyBodies
 
 Array = NDArray[np.float64]
@@ -621,6 +623,154 @@ class ContactSolver(Variants):
         if not isinstance(steps, Mapping) or not steps:
             raise InputError(f"cases are {shown(steps)}; give a dict, {{'name': step, ...}}")
         return LoadCases({case: next(self.history([s], start=start)) for case, s in steps.items()})
+
+    @known_keywords(**OF_SOLVER)
+    def modes(self, result: ContactResult, n: int = 10, *, slipping: str = "stuck") -> Modes:
+        """Modes of vibration about a result: closed points stay closed.
+
+        Bodies need a mass, ``Body(..., mass=density)``. They may be free, and bolts are locked. With
+        ``sliding="finite"`` the points are those of the deformed bodies.
+
+        Parameters
+        ----------
+        result : ContactResult
+            Of this solver. Where it has open points they stay open.
+        n : int
+            How many, the lowest first.
+        slipping : {"stuck", "free", "steady"}
+            Points that slip in the result stick in a small vibration, as a rule. "free": they move
+            along the surface without resistance; "steady": they slide on, by more than they vibrate,
+            and their friction follows the pressure. Then modes may grow, as where brakes squeal.
+
+        Returns
+        -------
+        Modes
+
+        Raises
+        ------
+        InputError
+            No convergence, no mass, or more modes than DOFs.
+
+        Examples
+        --------
+        A square that is pressed on a floor, and sticks:
+
+        >>> import numpy as np
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(3).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> steel = sc.Elastic(210e9, 0.3, density=7850.0)
+        >>> block = sc.Body(basis, steel, f={"top": (0.0, -1e6)}, name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+        >>> solver = sc.ContactSolver(block, foot)
+        >>> print(solver.modes(solver.solve(), 2))
+        2 modes, slipping points stuck
+            0  565.191
+            1  1376.18
+        """
+        from skfem_contact.answers.tangent.modes import modes
+
+        check_kind(result, ContactResult, "result", "give one of solve() or history()")
+        return modes(result._answer, self._stiffness, n, slipping)
+
+    @known_keywords(**OF_SOLVER, **OF_STEP)
+    def gradient(
+        self,
+        objective: Callable[[list[ContactResult]], Any],
+        steps: Iterable[Any],
+        *,
+        by: Any,
+        start: ContactResult | None = None,
+    ) -> Gradient:
+        """Derivatives of one number that follows from a history, by any number of parameters.
+
+        Parameters
+        ----------
+        objective : callable
+            ``results -> (value, derivatives)``: of the results of the history, one per step, a number,
+            and for each result a dict of its derivatives by ``pressure``, ``normal_force``, ``gap``
+            (each (m,)), ``slip``, ``tangential_force`` ((m, d-1)), ``force`` (d,), ``dissipation``
+            (a number), ``u`` (n,) or ``displacement`` (a dict by body); with several contacts
+            ``{"name of the contact": {"pressure": ...}}``. None for a result that does not count.
+        steps, start
+            As of `history`.
+        by : Parameter, str, or list of them
+
+        Returns
+        -------
+        Gradient
+
+        Raises
+        ------
+        InputError
+            There is no derivative; the message says why.
+
+        Examples
+        --------
+        A pressed block is to bear a force of 0.02; how does the interference change the square of what
+        is missing?
+
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> from skfem.models.elasticity import linear_elasticity
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> block = sc.Body(basis, linear_elasticity(0.0, 0.5), D="top", name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1))
+        >>> foot = sc.Contact(block.surface("bottom"), floor, interference=0.01)
+        >>> def missing(results):
+        ...     off = results[-1].force[1] - 0.02
+        ...     return off**2, [{"force": (0.0, 2 * off)}]
+        >>> found = sc.ContactSolver(block, foot).gradient(missing, [1.0], by="interference")
+        >>> f"{found.value:.6f}, {found.parts[0]:.6f}"
+        '0.000100, -0.020000'
+        """
+        from skfem_contact.history.gradients import gradient
+
+        return gradient(self, objective, steps, by, start)
+
+    @known_keywords(**OF_SOLVER, **OF_STEP)
+    def jacobian(
+        self,
+        observe: Callable[[list[ContactResult]], Any],
+        steps: Iterable[Any],
+        *,
+        by: Any,
+        start: ContactResult | None = None,
+        side: int = 0,
+    ) -> Jacobian:
+        """Derivatives of many values that follow from a history, by a few numbers.
+
+        Parameters
+        ----------
+        observe : callable
+            ``results -> (values, derivatives)``: values (r,), and for each result a dict from the
+            numbers of the values that depend on it to their derivatives by it, each as for `gradient`:
+            ``{3: {"force": (1.0, 0.0)}}``.
+        steps, start
+            As of `history`.
+        by : Parameter, str, or list of them
+        side : {0, 1, -1}
+            As for `ContactResult.sensitivity`.
+
+        Returns
+        -------
+        Jacobian
+            ``matrix`` is what ``jac`` of `scipy.optimize.least_squares` gives, ``values`` what it is
+            of; ``words`` says which parameters the values do not tell.
+
+        Raises
+        ------
+        InputError
+            There is no derivative; the message says why.
+        """
+        from skfem_contact.history.gradients import jacobian
+
+        return jacobian(self, observe, steps, by, start, side)
 
     @known_keywords()
     def save_state(self, path: str | Path, result: ContactResult | SavedState) -> Path:

@@ -59,15 +59,19 @@ class DenseFactors:
     factors: Array
     exchanged: NDArray[np.int32] | None = None
 
-    def solve(self, b: Array) -> Array:
-        """``A^-1 b`` for b of shape (n,) or (n, r)."""
+    def solve(self, b: Array, transposed: bool = False) -> Array:
+        """``A^-1 b`` for b of shape (n,) or (n, r); `transposed`: with the transpose of A.
+
+        >>> lu(np.array([[1.0, 1.0], [0.0, 1.0]])).solve(np.array([1.0, 0.0]), transposed=True)
+        array([ 1., -1.])
+        """
         if not b.size:
             return np.zeros(b.shape)
         if self.exchanged is None:
             return np.asarray(lapack.dpotrs(self.factors, b, lower=1)[0])
         # SciPy counts them from one while LAPACK works, in the array it is given, and threads run on
         exchanged = self.exchanged.copy()
-        return np.asarray(lapack.dgetrs(self.factors, exchanged, b)[0])
+        return np.asarray(lapack.dgetrs(self.factors, exchanged, b, trans=int(transposed))[0])
 
     @property
     def diagonal(self) -> Array:

@@ -7,16 +7,20 @@ own words, since the library has none.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from copy import copy
 from typing import Any
 
 import numpy as np
 import skfem
 from numpy.typing import NDArray
 
+from skfem_contact.answers.answer import answer_of
+from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import numbers, shown, suggest
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.inputs import SUPPORTED
 from skfem_contact.errors import InputError
+from skfem_contact.sealed import sealed
 
 Array = NDArray[np.float64]
 Stress = Callable[[Body, Array], Array]
@@ -28,6 +32,20 @@ USAGE = "give a function (body, u) -> values at the nodes, such as von_mises, or
 SIX = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "yz": (1, 2), "xz": (0, 2)}
 #: Nodes of a tetrahedron whose first two corners change places.
 MIRRORED = (1, 0, 2, 3, 4, 6, 5, 8, 7, 9)
+
+
+def displaced(result: ContactResult, u: Any) -> ContactResult:
+    """The result with other displacements (n,), such as a shape of vibration, to be shown."""
+    if u is None:
+        return result
+    values = numbers(u, "u", "give displacements (n,) of all bodies")
+    if values.shape != (result.system.n,):
+        raise InputError(
+            f"u has shape {values.shape}, not ({result.system.n},): displacements of all bodies"
+        )
+    answer = copy(answer_of(result))
+    vars(answer)["u"] = sealed(values)
+    return ContactResult(answer)
 
 
 def body_nodes(body: Body) -> NDArray[np.int64]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import check_switch, known_keywords, numbers
@@ -35,6 +35,7 @@ from skfem_contact.output.fields import (
     body_nodes,
     checked_field,
     checked_units,
+    displaced,
     labelled,
     quantity,
 )
@@ -63,6 +64,7 @@ def plot_deformed(
     units: Mapping[str, str] | None = None,
     window: Sequence[float] | None = None,
     obstacles: bool = True,
+    u: ArrayLike | None = None,
 ) -> Any:
     """Draw the deformed bodies, coloured, and rigid obstacles, with arrows of the traction.
 
@@ -95,6 +97,9 @@ def plot_deformed(
         In the plane: what part is shown; arrows and the strokes of obstacles have its size.
     obstacles : bool
         Draw rigid obstacles: planes of symmetry may hide what matters.
+    u : ndarray, shape (n,), optional
+        Displacements of all bodies in the place of those of the result: a shape of vibration, times
+        the size that it is to have [length].
 
     Returns
     -------
@@ -121,13 +126,13 @@ def plot_deformed(
     >>> ax.get_title()
     'deformation magnified 5 times'
     """
+    result, arrows = displaced(result, u), arrows and u is None
     solid, words = is_solid(result), checked_units(units)
     check_switch(obstacles, "plot_deformed: obstacles")
     if solid and window is not None:
         raise InputError("window is for plane pictures: set the limits of these axes instead")
     seen, bodies = view(result, scale), list(result.system.solids.values())
     values = [colours(result, body, stress, component) for body in bodies]
-    label = label or colour_name(stress, component, words)
     if solid:
         outside = [_on_boundary(body, v) for body, v in zip(bodies, values, strict=True)]
         ax, image, box = draw_bodies(result, seen, outside, ax, cmap, obstacles)
@@ -160,7 +165,7 @@ def plot_deformed(
     if remarks:
         note(ax, remarks, None if solid else np.concatenate(seen.nodes(result)))
     shape = {"shrink": 0.7, "pad": 0.13} if solid else {"shrink": 0.85, "pad": 0.02}
-    ax.figure.colorbar(image, ax=ax, label=label, **shape)
+    ax.figure.colorbar(image, ax=ax, label=label or colour_name(stress, component, words), **shape)
     ax.set_title(seen.words)
     for axis in "xyz"[: box[0].size]:
         if getattr(ax, f"get_{axis}label")() or not solid:  # those of flat solids stay empty

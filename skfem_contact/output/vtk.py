@@ -9,11 +9,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import check_kind, file_path, known_keywords, number, numbers, shown
 from skfem_contact.errors import InputError
-from skfem_contact.output.fields import checked_units
+from skfem_contact.output.fields import checked_units, displaced
 from skfem_contact.output.grids import (
     Fields,
     Grid,
@@ -35,6 +36,7 @@ def write(
     stress: Fields | None = None,
     time: float | None = None,
     units: Mapping[str, str] | None = None,
+    u: ArrayLike | None = None,
 ) -> tuple[Path, Path]:
     """Write a result: bodies to `path`, contacts to ``<stem>_contact``, tools to ``<stem>_obstacles``.
 
@@ -54,6 +56,8 @@ def write(
         Written as ``TimeValue``, which ParaView shows; by default the load factor.
     units : dict, optional
         Words that are written with the fields: ``{"length": "mm", "stress": "MPa", "force": "N"}``.
+    u : ndarray, shape (n,), optional
+        Displacements of all bodies in the place of those of the result: a shape of vibration.
 
     Returns
     -------
@@ -107,6 +111,7 @@ def write(
     words = checked_units(units)
     if time is not None:
         time = number(time, "time", "give one number")
+    result = displaced(result, u)
     path.parent.mkdir(parents=True, exist_ok=True)
     bodies, contacts, obstacles = _files(path)
     _write(bodies, with_time(bodies_grid(result, stress, words), result, time))

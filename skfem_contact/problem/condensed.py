@@ -25,6 +25,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,6 +137,11 @@ class Condensed:
         """Loads condensed onto the contact DOFs, (n_c,)."""
         parts = zip(self.substructures, self.spans, strict=True)
         return np.concatenate([part.load(f[span], x[span]) for part, span in parts])
+
+    def other_load(self, f: Array, x: Array) -> Array:
+        """The same of loads that are not to be remembered, (n_c,)."""
+        parts = zip(self.substructures, self.spans, strict=True)
+        return np.concatenate([part.other_load(f[span], x[span]) for part, span in parts])
 
     def along(self, components: Sequence[Components]) -> tuple[Array, Array]:
         """Loads on the contact DOFs that have one component, of all that there are, (n_c, k).
@@ -282,9 +288,16 @@ class PointProblem(OnContactDofs[Condensed]):
         else:
             force = self.bodies.load(case.f, case.x)
             found = self._following(force, self.bodies.flexibility(force))
+        return self._load(case, found, components)
+
+    def other_load(self, case: LoadCase) -> Load:
+        """A load case that is like no other, or one of its derivatives: nothing of it is remembered."""
+        force = self.bodies.other_load(case.f, case.x)
+        return self._load(case, self._following(force, self.bodies.flexibility(force)), ())
+
+    def _load(self, case: LoadCase, found: Array, components: tuple[Any, ...]) -> Load:
         rows = len(self.compliance.W)
-        moved, prescribed = found[:rows], found[rows:]
-        return Load(np.zeros(0), *self.constant(case), prescribed, components, moved)
+        return Load(np.zeros(0), *self.constant(case), found[rows:], components, found[:rows])
 
     def _following(self, f_c: Array, u_c: Array) -> Array:
         """Changes of gaps, slips and anchors; then the loads themselves.

@@ -21,10 +21,10 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid_motions
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.resources import Limits, single_threaded
-from skfem_contact.once import Lock
+from skfem_contact.once import Lock, once
 from skfem_contact.pairing.vectors import entries
 from skfem_contact.problem.choice import Choice, check_distributed, checked_linear
-from skfem_contact.problem.condensed import Condensed
+from skfem_contact.problem.condensed import Condensed, PointProblem
 from skfem_contact.problem.seam import Bodies, ContactProblem, PosedOn
 from skfem_contact.problem.substructure import Substructure, firmness
 from skfem_contact.problem.thresholds import MOST_TWINS
@@ -99,7 +99,7 @@ class LinearModel:
     def __getstate__(self) -> dict[str, Any]:
         """Without what is computed: elsewhere bodies are condensed when they are first asked for."""
         known = {**vars(self), "linear": carried(self.linear, "linear"), "_sprung": {}, "_reuse": []}
-        for made in ("_wanted", "choice"):
+        for made in ("_wanted", "choice", "for_tangents"):
             known.pop(made, None)
         computed = "_bodies", "_base", "_for_pivoting", "_moves", "_tangent_of"
         return known | dict.fromkeys(computed)
@@ -345,6 +345,18 @@ class LinearModel:
         if problem.on_points is None:
             problem.on_points = self._attach(self._for_pivoting, problem.kin, problem.u)
         return problem.on_points
+
+    @once
+    def for_tangents(self) -> PointProblem | None:
+        """The problem on gaps and slips that derivatives are taken on; None where there is none.
+
+        It is read by several threads at once: nothing but its matrices is to be used.
+        """
+        if not self.condenses:
+            return None
+        with single_threaded():
+            found = self.on_points(self.problem_on(None, None))
+        return found if isinstance(found, PointProblem) else None
 
     @cached_property
     def _wanted(self) -> NDArray[np.intp]:

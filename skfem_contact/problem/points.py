@@ -76,6 +76,26 @@ class Unknowns(NamedTuple):
     since: Array
 
 
+class Duals(NamedTuple):
+    """Derivatives of a number by what an answer follows from.
+
+    Attributes
+    ----------
+    load, moved : ndarray
+        By the forces h on gaps and slips, (q,); and S times that. Of a `Zone`, `moved` is by what gaps,
+        slips and anchors do where contact carries nothing.
+    gap0 : ndarray, shape (m,)
+    slip0, anchor, offset : ndarray, shape (m, d-1)
+    """
+
+    load: Array
+    moved: Array
+    gap0: Array
+    slip0: Array
+    anchor: Array
+    offset: Array
+
+
 @dataclass(eq=False)
 class PointSpace:
     r"""Gaps and slips as unknowns: ``S z = h + p`` with ``p = (lambda, -tau)``.
@@ -135,6 +155,53 @@ class PointSpace:
         since[rows.free] = self._factor.solve(rhs[rows.free])
         z[rows.free] += since[rows.free]
         return Unknowns(z, self.S.dot(z) - force, since)
+
+    def adjoint(self, conditions: Conditions, of: Response, key: object) -> Duals:
+        """`unknowns` and `response` backwards, line by line.
+
+        Parameters
+        ----------
+        conditions : Conditions
+        of : Response
+            Derivatives of a number by gaps, slips and forces; by the solution z too.
+        key : object
+            As of `unknowns`.
+        """
+        rows = self._held(conditions, key)
+        has_row, q = self.tangential_rows >= 0, len(self.S)
+        slip, normal_force, tangential = of.slip, of.normal_force, of.tangential_force
+        by_law, way = np.where(rows.rubs[:, None] & ~has_row, tangential, 0.0), 0.0
+        if np.count_nonzero(by_law):  # along tangents without a row there is only the law
+            way = np.einsum("ikl,ik->il", conditions.spring, by_law)
+            normal_force = normal_force + np.sum(conditions.coupling * by_law, axis=1)
+        slip, anchor, offset = slip + way, -way, by_law
+        gap0 = np.where(rows.closed, 0.0, of.gap)
+        slip0 = slip.copy()
+        # each point has rows of its own; those of -1, which there are not, go to the end
+        z, p = np.append(of.solution, 0.0), np.zeros(q)
+        z[self.normal_rows] += gap0
+        z[self.tangential_rows] += slip
+        p[rows.gaps] = normal_force[rows.closed]
+        p[rows.slips] = -tangential[rows.stick]
+        p[rows.sliding] = -tangential[rows.slides]
+        own = z[:-1]
+        z = own + self.S.dot(p)
+        if self._factor is None:
+            self._factor = self._factorize(conditions, rows)
+        r = np.zeros(q)
+        r[rows.free] = self._factor.solve(z[rows.free], transposed=True)
+        np.add.at(r, rows.pressing, rows.share * r[rows.rubbing])
+        base = z - self.S.dot(r)
+        gap0[rows.closed] = -base[rows.gaps]
+        held = np.zeros(slip.shape)  # of what moves with anchors: slips of sticking points, and springs
+        held[rows.stick] = base[rows.slips]
+        known = np.zeros(slip.shape)
+        known[rows.slides] = -r[rows.sliding]
+        if rows.gives:
+            held[rows.slides] = base[rows.sliding]
+            given = np.einsum("ikl,ik->il", conditions.spring, known)
+            held -= np.where(rows.slides, 0.0, given)
+        return Duals(r - p, own - base, gap0, slip0 - held, anchor + held, offset + known)
 
     def _held(self, conditions: Conditions, key: object) -> HeldRows:
         """The rows that conditions hold; of the last ones, if their matrix is the same."""

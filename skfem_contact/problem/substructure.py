@@ -336,8 +336,14 @@ class Substructure:
             return np.zeros(0)
         known = self.components(f, x)
         if known is None:
-            return self._factor.reduce_load(self._free_load(f, x))
+            return self.other_load(f, x)
         return self.along(known) @ np.concatenate(known)
+
+    def other_load(self, f: Array, x: Array) -> Array:
+        """The same of a load that is not to be remembered, (n_c,)."""
+        if not (len(self.kept) and (f.any() or x.any())):
+            return np.zeros(len(self.kept))
+        return np.asarray(self._factor.reduce_load(self._free_load(f, x)))
 
     def recover(
         self,

@@ -36,7 +36,7 @@ from skfem_contact.linalg.dense_factors import (
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.once import once
 from skfem_contact.problem import thresholds
-from skfem_contact.problem.points import PointSpace
+from skfem_contact.problem.points import NO_ROW, Duals, PointSpace
 from skfem_contact.problem.response import Conditions, Load, Response
 from skfem_contact.problem.thresholds import FEWEST, LOOSE, SPARE
 
@@ -63,13 +63,19 @@ class Zones:
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Gaps, slips and forces under these conditions."""
+        gap = load.gap0 if self._last is None else self._last
+        zone, key = self.fitting(conditions, gap)
+        response = zone.solve(conditions, load, key)
+        self._last = response.gap
+        return response
+
+    def fitting(self, conditions: Conditions, gap: Array) -> tuple[Zone, object]:
+        """The zone for these conditions, where points that are open have these gaps; and its key."""
         key = conditions.matrix_key()
         if self._chosen is None or key != self._key:
             self._chosen = None  # before the next one takes memory
-            self._key, self._chosen = key, self._fitting(conditions, load)
-        response = self._chosen.solve(conditions, load, key)
-        self._last = response.gap
-        return response
+            self._key, self._chosen = key, self._drawn(conditions, gap)
+        return self._chosen, key
 
     def whole(self) -> Zone:
         """All points."""
@@ -78,7 +84,7 @@ class Zones:
             self._all = whole.whole.anew() if whole.small else Zone(whole, refuses=whole.refuses)
         return self._all
 
-    def _fitting(self, conditions: Conditions, load: Load) -> Zone:
+    def _drawn(self, conditions: Conditions, gap: Array) -> Zone:
         whole, now = self.compliance, self._part
         if not whole.stable:
             return self.whole()
@@ -91,9 +97,8 @@ class Zones:
             self._spent += ((now.count - count) * rows + slide) ** 3 - slide**3
             if now.count <= asked or self._spent <= (asked * rows) ** 3:
                 return now if now.good else self.whole()
-        gap = np.where(needed, -np.inf, load.gap0 if self._last is None else self._last)
         keep = needed.copy()
-        keep[np.argsort(gap, kind="stable")[:asked]] = True
+        keep[np.argsort(np.where(needed, -np.inf, gap), kind="stable")[:asked]] = True
         keep |= ~has_gap
         now = self._part = None  # before the next one takes memory
         self._spent = 0.0
@@ -199,7 +204,7 @@ class Zone:
         self._normal, self._tangential, self.good = normal, tangential, True
         self.keep = np.ones(len(normal), dtype=bool) if keep is None else keep
         self._dropped, self.count = ~self.keep, np.count_nonzero(self.keep)
-        on = None
+        on, self.rows = None, np.arange(q)
         if keep is not None:
             place = np.full(q + 1, -1)
             rows = np.concatenate([normal[keep], tangential[keep].ravel()])
@@ -223,7 +228,7 @@ class Zone:
         held = np.min(self._rigid.diagonal, initial=np.inf)
         self.good = bool(keep is None or held >= LOOSE * np.max(self._A_qq, initial=0.0))
         S = without_anchors(A, self._A_zq, self._rigid)
-        self._loads = _Loads(S, self._A_zq, self._rigid, on)
+        self._on, self._loads = on, _Loads(S, self._A_zq, self._rigid, on)
         self.space = PointSpace(S, normal, tangential, self._loads)
 
     def anew(self) -> Zone:
@@ -255,6 +260,38 @@ class Zone:
             response.slip[left] += full[self._tangential[left]]
         response.solution = np.append(z, q) if len(q) else z
         return response
+
+    def adjoint(self, conditions: Conditions, of: Response, key: object) -> Duals:
+        """`solve` backwards.
+
+        Parameters
+        ----------
+        conditions, key
+            As of `solve`.
+        of : Response
+            Derivatives of a number by gaps, slips and forces of all points; its solution those by the
+            forces of all rows and of the springs on anchors, which come on top.
+        """
+        forces, moved = of.solution.copy(), np.zeros(len(of.solution))
+        q, by_z = len(forces) - len(self._A_qq), np.zeros(len(self.rows))
+        if self.left:
+            left = np.zeros(q + 1)  # the last for rows of -1
+            left[self._normal], left[self._tangential] = of.gap, of.slip
+            moved[self.rest] = left[self.rest]
+            forces[self._on] += moved[self.rest] @ self._across
+        if len(forces) > q:
+            anchors = self._rigid.solve(forces[q:])
+            by_z = -self._A_zq @ anchors
+        p = np.append(forces[:q], NO_ROW)
+        normal_force = of.normal_force + p[self._normal]
+        friction = of.tangential_force - p[self._tangential]
+        found = self.space.adjoint(
+            conditions, Response(of.gap, of.slip, normal_force, friction, by_z), key
+        )
+        moved[self.rows] = found.moved - by_z
+        if len(forces) > q:
+            moved[q:] = self._A_qq @ anchors - self._rigid.solve(self._A_zq.T @ found.load)
+        return found._replace(moved=moved)
 
 
 class _Loads:

@@ -1,0 +1,372 @@
+r"""What an answer may be differentiated by, and how a load step changes with it.
+
+Whatever a parameter is, a step sees five changes of it: of the loads and prescribed displacements, of
+gaps and slips, and of the friction of points that slip, at the state that it has. The stiffness is one
+of them: the bodies bear ``-dK u`` as a load. So is all that makes another scene, such as the place of
+nodes (semi-analytic): what two scenes, a little to either side, make of the same displacements and
+contact forces, without solving either.
+"""
+
+from __future__ import annotations
+
+from dataclasses import field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.tangent.tangent import Tangent
+from skfem_contact.arguments import known_keywords, numbers, shown
+from skfem_contact.bodies.member import Member
+from skfem_contact.conditions.contact import Contact, number_of
+from skfem_contact.conditions.friction import Coulomb, Tresca
+from skfem_contact.conditions.friction_rule import FrictionRule
+from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.state import transport
+from skfem_contact.errors import InputError
+from skfem_contact.records import dataclass
+
+Array = NDArray[np.float64]
+#: What changes loads of bodies, so that derivatives by these are needed inside; then what does not.
+LOADS = "stiffness", "load", "displacement", "scene"
+KINDS = "friction", *LOADS, "interference", "gap", "motion"
+
+
+@dataclass(eq=False)
+class Change:
+    """What a parameter changes of one load step, at the state that it has.
+
+    Attributes
+    ----------
+    f, x : ndarray, shape (n,)
+    gap0 : ndarray, shape (m,)
+    slip0 : ndarray, shape (m, d-1)
+    friction : ndarray, shape (m, d-1)
+        Of the friction force that the return map makes of the same trial force [force].
+    bound : ndarray, shape (m,)
+        Of the bound of friction under the same normal force [force].
+    shape : dict of ndarray
+        Of areas, normals and axes, as `Weights.points` has them; empty where they stay.
+    """
+
+    f: Array
+    x: Array
+    gap0: Array
+    slip0: Array
+    friction: Array
+    bound: Array
+    shape: dict[str, Array] = field(default_factory=dict)
+
+    @classmethod
+    def none(cls, answer: Answer) -> Change:
+        """No change."""
+        m, t = answer.local.slip.shape
+        n, still = answer.system.n, np.zeros((m, t))
+        return cls(np.zeros(n), np.zeros(n), np.zeros(m), still, still.copy(), np.zeros(m))
+
+    @property
+    def parts(self) -> tuple[Array, ...]:
+        """The changes of loads, of the contact, and of its friction."""
+        return self.f, self.x, self.gap0, self.slip0, self.friction, self.bound
+
+    @property
+    def case(self) -> LoadCase:
+        """What the bodies and the points see of it, as a load case."""
+        return LoadCase(self.f, self.x, self.gap0, self.slip0, np.zeros(len(self.gap0)), ())
+
+    def minus(self, other: Change, factor: float) -> Change:
+        """The difference to another one, times a factor."""
+        shape = {name: factor * (own - other.shape.get(name, 0.0)) for name, own in self.shape.items()}
+        parts = [factor * (own - away) for own, away in zip(self.parts, other.parts, strict=True)]
+        f, x, gap0, slip0, friction, bound = parts
+        return Change(f, x, gap0, slip0, friction, bound, shape)
+
+
+class Parameter:
+    r"""What an answer is differentiated by: one number, or a field of them.
+
+    Parameters
+    ----------
+    kind : str
+        "friction"
+            The coefficient of `Coulomb`, the bound ``tau_max`` of `Tresca`, of contacts `of`.
+        "stiffness"
+            A factor on the stiffness of bodies `of`, 1 where it is as it is: Young's modulus over
+            what it is. With `along`, a matrix dK/dp of one body.
+        "load"
+            ``f + p along`` of bodies `of`; a factor on f if `along` is not given. Thermal strains are a
+            load too. Where a step is a number it multiplies `along` as it does f.
+        "displacement"
+            The same of the prescribed displacements x.
+        "interference", "gap"
+            Of contacts `of`, in every step [length].
+        "motion"
+            Of the obstacle of a contact, or of this name: a translation in the direction `along`.
+        "scene"
+            Anything else, such as the place of nodes, by ``between=(before, behind, width)``:
+            two solvers of the same scene with the parameter half the width less and more. They are
+            set up and not solved. A width of 1e-4 of the range of the parameter leaves 1e-8.
+    of : Contact, Body, str or None
+        The body or contact, itself or by name; None for all that there are.
+    along : number or ndarray, optional
+        By how much each point or DOF changes with the parameter; if not given 1.0, everywhere.
+    field : bool
+        Whether the value at every point or DOF is a parameter of its own; for `ContactSolver.gradient`.
+    each_step : bool
+        Whether it is another parameter in each load step; for `ContactSolver.gradient`.
+    between : tuple of (ContactSolver, ContactSolver, float)
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> import skfem_contact as sc
+    >>> sc.Parameter("interference", of="joint", field=True, each_step=True)
+    Parameter('interference', of='joint', field=True, each_step=True)
+    """
+
+    @known_keywords()
+    def __init__(
+        self,
+        kind: str,
+        of: Member | Contact | str | None = None,
+        *,
+        along: Any = None,
+        field: bool = False,
+        each_step: bool = False,
+        between: tuple[Any, Any, float] | None = None,
+    ) -> None:
+        if kind not in KINDS:
+            raise InputError(f"a parameter is {shown(kind)}; it may be one of {', '.join(KINDS)}.")
+        if (kind == "scene") != (between is not None):
+            raise InputError("between=(solver, solver, width) belongs to 'scene', and is needed there")
+        if field and (along is not None or kind in ("stiffness", "scene")):
+            raise InputError(
+                f"Parameter({kind!r}, field=True): a field has a value for every point or DOF, so "
+                "it has no `along`; of a stiffness or a scene there is none: give them one by one."
+            )
+        if kind == "motion" and along is None and not field:
+            raise InputError("Parameter('motion'): give the direction, along=(1.0, 0.0)")
+        self.kind, self.of, self.along = kind, of, along
+        self.field, self.each_step, self.between = field, each_step, between
+
+    def __repr__(self) -> str:
+        said = [repr(self.kind)]
+        said += [f"{k}={v!r}" for k in ("of", "along") if (v := getattr(self, k)) is not None]
+        said += [f"{k}=True" for k in ("field", "each_step") if getattr(self, k)]
+        return f"Parameter({', '.join(said)})"
+
+
+def parameter(given: Any) -> Parameter:
+    """What `by` names: a `Parameter`, or its kind alone."""
+    return given if isinstance(given, Parameter) else Parameter(given)
+
+
+def change(by: Parameter, tangent: Tangent) -> Change:
+    """What a number changes of the load step of an answer."""
+    answer = tangent.answer
+    kin, out = answer.kin, Change.none(answer)
+    along = 1.0 if by.along is None else by.along
+    if by.kind == "scene":
+        return _between(by, tangent)
+    if by.kind in ("stiffness", "load", "displacement"):
+        for i, span in _bodies(by, answer):
+            if by.kind == "stiffness":
+                out.f[span] = -_stiffness(by, answer, i) @ answer.u[span]
+                continue
+            case, own = answer.case, out.f if by.kind == "load" else out.x
+            values = (case.f if by.kind == "load" else case.x)[span]
+            if by.along is not None:
+                values = _field(by, along, len(values)) * _factor(by, answer, i)
+            own[span] = values
+        D, x = answer.system.D, out.x
+        out.x = np.zeros(len(x))
+        out.x[D] = x[D]
+        return out
+    given = np.zeros(kin.m)
+    for i, part in _contacts(by, answer):
+        paired = kin.paired[part]
+        if by.kind == "motion":
+            v = numbers(along, f"{by!r}: along", "give the components of a translation")
+            if v.shape != kin.points.shape[1:]:
+                raise InputError(f"{by!r}: along has shape {v.shape}, not {kin.points.shape[1:]}")
+            out.gap0[part] = np.where(paired, -(kin.normal[part] @ v), 0.0)
+            out.slip0[part] = np.where(paired[:, None], -(kin.axes[part] @ v), 0.0)
+        elif by.kind == "friction":
+            steep = by_coefficient(tangent, i, part)
+            out.bound[part] = steep * _field(by, along, len(steep))
+        else:
+            given[part] = _field(by, along, len(paired)) * (1.0 if by.kind == "gap" else -1.0)
+    out.gap0 += np.where(kin.paired, kin.of_rows(given), 0.0)
+    out.friction = tangent.direction * np.where(tangent.slips, out.bound, 0.0)[:, None]
+    return out
+
+
+def by_coefficient(tangent: Tangent, i: int, part: slice) -> Array:
+    """Derivative of the bounds of a contact by the coefficient of its law, (m_c,)."""
+    answer = tangent.answer
+    law, area = answer.contacts[i].friction, answer.local.area[part]
+    force = np.maximum(answer.local.normal_force[part], 0.0)
+    if type(law) is Tresca:
+        return np.where(tangent.closed[part], area, 0.0)
+    if type(law) is not Coulomb:
+        raise InputError(
+            f"contact {answer.names[i]!r} has the law {type(law).__name__}, which has no single "
+            "coefficient. Use Parameter('scene', between=(...)), two solvers whose laws differ."
+        )
+    free = law.mu * force + law.cohesion * area < law.tau_max * np.maximum(area, 0.0)
+    return np.where((free | np.isinf(law.tau_max)) & tangent.closed[part], force, 0.0)
+
+
+def _between(by: Parameter, tangent: Tangent) -> Change:
+    """Changes between two scenes, at the displacements and forces of the answer."""
+    assert by.between is not None
+    *ends, width = by.between
+    answer = tangent.answer
+    if len({(s.system.n, s.kin.m, s.kin.paired.tobytes()) for s in (*ends, answer)}) != 1:
+        raise InputError(
+            f"{by!r}: the two scenes and the solver differ in their DOFs, points, or in which points "
+            "have a partner; nodes may move, and must stay the same. Take a smaller width."
+        )
+    if answer.kin.scaled is not None:
+        raise InputError(f"{by!r}: not with OrthotropicCoulomb, whose directions turn with the surface")
+    less, more = (_in_scene(solver, tangent) for solver in ends)
+    return more.minus(less, 1.0 / width)
+
+
+def _in_scene(solver: Any, tangent: Tangent) -> Change:
+    """What a scene makes of the displacements and forces of an answer, with loads and geometry."""
+    answer, local, u = tangent.answer, tangent.local, tangent.answer.u
+    kin, case, bodies = solver.kin, _case_there(solver, answer), answer.system.bodies
+    stiffness = zip(solver.linear_model.stiffness, bodies, strict=True)
+    borne = [K @ u[answer.system.slice(body)] for K, body in stiffness]
+    f = case.f - np.concatenate(borne) + kin.B_n.T @ local.normal_force
+    gap0 = np.where(kin.paired, case.gap0, 0.0) + np.where(kin.paired, kin.B_n @ u, 0.0)
+    slip0, bound = case.slip0, np.zeros(kin.m)
+    friction, axes = np.zeros(local.slip.shape), kin.axes
+    if friction.size:
+        own = _turned(answer, kin)
+        slip0 = np.einsum("ikl,il->ik", own, slip0 + (kin.B_t @ u).reshape(slip0.shape))
+        f = f - kin.B_t.T @ np.einsum("ikl,ik->il", own, local.tangential_force).ravel()
+        rule = FrictionRule(solver.interface.laws, kin.area, local.reference)
+        trial = np.where(tangent.slips[:, None], tangent.slopes.trial, 0.0)
+        friction = rule.project(trial, local.normal_force, local.slip)[0]
+        bound = np.where(tangent.closed, rule.bound(local.normal_force, local.slip), 0.0)
+        axes = np.einsum("ikl,ild->ikd", own, kin.axes)
+    shape = {"area": kin.area[:, None], "normal": kin.normal, "axes": axes.reshape(kin.m, -1)}
+    return Change(f, case.x, gap0, slip0, friction, bound, shape)
+
+
+def _turned(answer: Answer, kin: Any) -> Array:
+    """Components along the tangents of an answer from those of another scene, (m, d-1, d-1).
+
+    Tangents in space are a choice, which jumps: those of the answer are turned to the other normals.
+    """
+    along = np.stack(
+        [transport(axis, answer.kin.normal, kin.normal) for axis in answer.kin.axes.transpose(1, 0, 2)],
+        axis=1,
+    )
+    return np.asarray(np.einsum("ikd,ild->ikl", along, kin.axes))
+
+
+def _case_there(solver: Any, answer: Answer) -> LoadCase:
+    """The load case of an answer as another solver of the scene reads it."""
+    from copy import copy
+
+    reader, case = solver._reader, copy(answer.case)
+    given = np.array(case.interference)
+    for part, own, values in zip(
+        answer.model.interface.point_slices, case.own, reader._own, strict=True
+    ):
+        if own:
+            given[part] = values
+    case.interference = given
+    return reader.resumed(case, case.x)
+
+
+# -- whose ----------------------------------------------------------------------------------------
+
+
+def _bodies(by: Parameter, answer: Answer) -> list[tuple[int, slice]]:
+    """Bodies of a parameter, with their DOFs."""
+    system = answer.system
+    if isinstance(by.of, Contact):
+        raise InputError(f"{by!r}: of is a contact; name a body")
+    some = range(len(system.bodies)) if by.of is None else [system.index(by.of)]
+    return [(i, system.slice(system.bodies[i])) for i in some]
+
+
+def _contacts(by: Parameter, answer: Answer) -> list[tuple[int, slice]]:
+    """Contacts of a parameter, with their points."""
+    names, contacts = answer.names, list(enumerate(answer.contacts))
+    if by.of is None:
+        lacks = {"friction": "friction", "motion": "rigid"}.get(by.kind, "name")
+        some = [i for i, contact in contacts if lacks == "name" or getattr(contact, lacks)]
+    else:
+        some = [i for i, contact in contacts if by.of == names[i]]
+        if by.kind == "motion":
+            some = some or [i for i, c in contacts if c.rigid and by.of == c.primary.name]
+        i = None if some else number_of(by.of, answer.contacts)
+        some = some if i is None else [i]
+    if not some and by.of is not None:
+        raise InputError(f"{by!r}: there is no such contact; there are {', '.join(map(repr, names))}.")
+    return [(i, answer.model.interface.point_slices[i]) for i in some]
+
+
+def _only(found: list[tuple[int, slice]], by: Parameter) -> tuple[int, slice]:
+    if len(found) != 1:
+        raise InputError(f"{by!r}: a field is of one body or contact; name it, of=...")
+    return found[0]
+
+
+def _stiffness(by: Parameter, answer: Answer, i: int) -> Any:
+    if not hasattr(by.along, "tocsr"):
+        return (1.0 if by.along is None else float(by.along)) * answer.stiffness[i]
+    body, K = answer.system.bodies[i], by.along.tocsr()
+    if K.shape != (body.n, body.n):
+        raise InputError(f"{by!r}: along has shape {K.shape}; a body of {body.n} DOFs was named")
+    return answer.system.scaled(body, K)
+
+
+def _factor(by: Parameter, answer: Answer, i: int) -> Any:
+    """Of the loads or displacements of a body in a step over those that a user gives."""
+    scale, of_step = answer.system.scale(answer.system.bodies[i]), answer.case.scale
+    own = (1.0 / scale, of_step[0]) if by.kind == "load" else (scale, of_step[1])
+    return own[0] * (1.0 if own[1] is None else own[1])
+
+
+def _field(by: Parameter, given: ArrayLike, count: int) -> Array:
+    values = numbers(given, f"{by!r}: along", "give a number, or one for each point or DOF")
+    if values.shape not in ((), (count,)):
+        raise InputError(
+            f"{by!r}: along has shape {values.shape}, not ({count},): one for each of them"
+        )
+    return np.broadcast_to(values, count).astype(float)
+
+
+# -- backwards, from the derivatives of a number by all changes of a step --------------------------
+
+
+def contracted(by: Parameter, tangent: Tangent, duals: Change, weights: Any) -> Any:
+    """Derivative of a number by a parameter in one step: a number, or the array of a field."""
+    answer, kin = tangent.answer, tangent.answer.kin
+    if not by.field:
+        found = change(by, tangent)
+        pairs = zip(found.parts, duals.parts, strict=True)
+        return sum((float(np.vdot(a, b)) for a, b in pairs), weights.at(found.shape))
+    if by.kind in ("load", "displacement"):
+        i, span = _only(_bodies(by, answer), by)
+        return (duals.f if by.kind == "load" else duals.x)[span] * _factor(by, answer, i)
+    i, part = _only(_contacts(by, answer), by)
+    if by.kind == "friction":
+        along = np.sum(duals.friction * tangent.direction, axis=1) + duals.bound
+        return by_coefficient(tangent, i, part) * along[part]
+    gap0 = np.where(kin.paired, duals.gap0, 0.0)
+    if by.kind == "motion":
+        slip0 = np.where(kin.paired[:, None], duals.slip0, 0.0)[part]
+        return -(kin.normal[part].T @ gap0[part] + np.einsum("ik,ikd->d", slip0, kin.axes[part]))
+    given = gap0 if kin.gap_weights is None else kin.gap_weights.T @ gap0
+    return given[part] * (1.0 if by.kind == "gap" else -1.0)

@@ -1,0 +1,230 @@
+r"""From changes of a load step to those of its answer, and backwards.
+
+What a step hands on to the next are slips, friction forces, the slips that points closed at, and, for
+the energy that friction takes, its bounds. So the derivative of a history goes from step to step with
+these four (`Carried`), and that of a number by all that happened before comes back with theirs.
+
+In both directions a step is one linear solve with the factor of its own points. Displacements inside
+the bodies follow by reciprocity: contact forces move a body by ``U p``, and ``U'g`` are the gaps and
+slips that g as a load makes; so ``g . u`` depends on p by those.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.tangent.changes import Change
+from skfem_contact.answers.tangent.tangent import Tangent
+from skfem_contact.arrays import lengths
+from skfem_contact.errors import InputError
+from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.problem.response import Load, Response
+from skfem_contact.records import dataclass
+
+Array = NDArray[np.float64]
+
+
+@dataclass(eq=False)
+class Weights:
+    """How a number depends on one answer: its derivatives by what the answer consists of.
+
+    Attributes
+    ----------
+    points : dict of ndarray, shape (m, width)
+        By gaps, normal forces, slips since points closed, friction that resists, areas, normals, and
+        axes of the tangential components, one after the other.
+    u : ndarray, shape (n,), or None
+    lost : ndarray, shape (c,)
+        By the energy that friction takes at each contact in the step.
+    """
+
+    points: dict[str, Array]
+    u: Array | None
+    lost: Array
+
+    @classmethod
+    def none(cls, answer: Answer) -> Weights:
+        """Those of a number that does not depend on it."""
+        (m, t), d = answer.local.slip.shape, answer.kin.normal.shape[1]
+        widths = {"gap": 1, "normal_force": 1, "slip": t, "friction": t, "area": 1}
+        widths |= {"normal": d, "axes": t * d}
+        points = {name: np.zeros((m, width)) for name, width in widths.items()}
+        return cls(points, None, np.zeros(len(answer.contacts)))
+
+    def at(self, points: dict[str, Array]) -> float:
+        """What changes of these blocks of numbers make of the number."""
+        return sum(float(np.vdot(self.points[name], rates)) for name, rates in points.items())
+
+
+@dataclass(eq=False)
+class Carried:
+    """Derivatives of what a step hands on, see `conditions.state.LocalState`, or by it."""
+
+    slip: Array
+    tangential_force: Array
+    reference: Array
+    bound: Array
+
+    @classmethod
+    def none(cls, answer: Answer) -> Carried:
+        """Nothing."""
+        still = np.zeros(answer.local.slip.shape)
+        return cls(still, still, still, np.zeros(len(still)))
+
+
+@dataclass(eq=False)
+class Rates:
+    """Derivatives of one answer by a number.
+
+    Attributes
+    ----------
+    carried : Carried
+    lost : ndarray, shape (c,)
+        Of the energy that friction takes at each contact in the step.
+    """
+
+    answer: Answer
+    tangent: Tangent
+    change: Change
+    load: Load
+    response: Response
+    carried: Carried
+    lost: Array
+
+    @cached_property
+    def points(self) -> dict[str, Array]:
+        """Blocks of numbers as `Weights` has them."""
+        found = self.response
+        return self.change.shape | {
+            "gap": found.gap[:, None],
+            "normal_force": found.normal_force[:, None],
+            "slip": found.slip - self.carried.reference,
+            "friction": found.tangential_force,
+        }
+
+    @cached_property
+    def u(self) -> Array:
+        """Of the displacements of all bodies, (n,)."""
+        source = self.tangent.problem.source(self.load, self.response)
+        return self.tangent.recovered(source.values, self.change.case)
+
+    def dot(self, weights: Weights) -> float:
+        """The derivative of a number that depends on the answer by these weights."""
+        found = weights.at(self.points) + float(weights.lost @ self.lost)
+        return found if weights.u is None else found + float(weights.u @ self.u)
+
+
+def forward(tangent: Tangent, change: Change, before: Carried | None) -> Rates:
+    """Derivatives of an answer by a number, from those of the answer before (None: it has none)."""
+    answer, closed = tangent.answer, tangent.closed
+    last = before or Carried.none(answer)
+    offset = tangent.friction(change.friction, last.tangential_force, last.slip - last.reference)
+    conditions = replace(tangent.conditions, offset=offset, anchor=last.slip)
+    with single_threaded():
+        load, (zone, key) = tangent.problem.other_load(change.case), tangent.zone
+        found = zone.solve(conditions, load, key)
+    reference = np.where(closed[:, None], last.reference, found.slip)
+    bound = tangent.bound_slope * found.normal_force + np.where(closed, change.bound, 0.0)
+    way, along, G = _lost(tangent)
+    moved = found.slip - last.slip - (found.tangential_force - last.tangential_force) / G
+    rate = 0.5 * (bound + last.bound) * way + np.sum(along * moved, axis=1)
+    lost = np.array([rate[part].sum() for part in answer.model.interface.point_slices])
+    carried = Carried(found.slip, found.tangential_force, reference, bound)
+    return Rates(answer, tangent, change, load, found, carried, lost)
+
+
+def _lost(tangent: Tangent) -> tuple[Array, Array, Array]:
+    """Of the energy lost: length of the way, mean of both bounds along it, and stiffness G (m, 1)."""
+    way = lengths(tangent.answer.plastic_slip)
+    mean = 0.5 * (tangent.bound + tangent.answer.bound_before)
+    along = tangent.answer.plastic_slip * (mean / np.where(way > 0, way, 1.0))[:, None]
+    return way, along, tangent.answer.model.interface.stiffness[:, None]
+
+
+def backward(
+    tangent: Tangent, weights: Weights, after: Carried | None, loads: bool
+) -> tuple[Change, Carried]:
+    """Derivatives of a number by all changes of a step, and by what the step before hands on.
+
+    Parameters
+    ----------
+    tangent : Tangent
+    weights : Weights
+        How the number depends on the answer itself.
+    after : Carried or None
+        How it depends on what the answer hands on.
+    loads : bool
+        Whether derivatives by loads and displacements are wanted, for which the interior is recovered.
+    """
+    answer, problem, closed, by = tangent.answer, tangent.problem, tangent.closed, weights.points
+    after = after or Carried.none(answer)
+    back, given = Carried.none(answer), Change.none(answer)
+    slip, friction, bound = (
+        by["slip"] + after.slip,
+        by["friction"] + after.tangential_force,
+        after.bound,
+    )
+    along = back.slip
+    if np.count_nonzero(weights.lost):
+        way, along, G = _lost(tangent)
+        slices = answer.model.interface.point_slices
+        share = np.concatenate(
+            [np.full(p.stop - p.start, w) for p, w in zip(slices, weights.lost, strict=True)]
+        )
+        along, back.bound = along * share[:, None], 0.5 * share * way
+        back.tangential_force = along / G
+        slip, friction, bound = slip + along, friction - along / G, bound + back.bound
+    reference = after.reference - by["slip"]
+    slip = slip + np.where(closed[:, None], 0.0, reference)
+    normal_force = by["normal_force"][:, 0] + tangent.bound_slope * bound
+    forces, pulled = np.zeros(len(problem.compliance.W)), None
+    if weights.u is not None:
+        given.f[:] = weights.u
+        given.f[answer.system.D] = 0.0
+        pulled = problem.other_load(given.case)
+        forces = np.asarray(pulled.moved)
+    zone, key = tangent.zone
+    of = Response(by["gap"][:, 0], slip, normal_force, friction, forces)
+    found = zone.adjoint(tangent.conditions, of, key)
+    by_map, by_trial, by_slip = tangent.friction_by(found.offset)
+    back.slip = found.anchor - along + by_slip
+    back.reference = np.where(closed[:, None], reference, 0.0) - by_slip
+    back.tangential_force = back.tangential_force + by_trial
+    bound = np.where(closed, bound, 0.0)
+    out = Change(given.x, given.x, found.gap0, found.slip0, by_map, bound)
+    if loads:
+        force = problem.G.T @ found.moved + (0.0 if pulled is None else pulled.prescribed)
+        out.f = tangent.recovered(force, given.case)
+        out.x = _by_supports(tangent, out, weights.u)
+    return out, back
+
+
+def _by_supports(tangent: Tangent, found: Change, u: Array | None) -> Array:
+    """Derivatives of a number by prescribed displacements (n,), from those by all else."""
+    answer, kin = tangent.answer, tangent.answer.kin
+    system, x = answer.system, np.zeros(answer.system.n)
+    borne = [K @ found.f[system.slice(b)] for K, b in zip(answer.stiffness, system.bodies, strict=True)]
+    whole = kin.B_n.T @ np.where(kin.paired, found.gap0, 0.0) - np.concatenate(borne)
+    if found.slip0.size and tangent.problem.slips:
+        whole = whole + kin.B_t.T @ found.slip0.ravel()
+    x[system.D] = (whole if u is None else whole + u)[system.D]
+    return x
+
+
+def check_lost(tangent: Tangent) -> None:
+    """Refuse the energy lost under laws whose bounds change with the slip.
+
+    Raises
+    ------
+    InputError
+    """
+    if not tangent.rule.steady:
+        raise InputError(
+            "the energy that friction takes has derivatives with Coulomb, OrthotropicCoulomb and "
+            "Tresca: bounds of other laws may change with the slip. Leave dissipation out of it."
+        )

@@ -1,0 +1,325 @@
+"""`Sensitivity`: derivatives of a result by one number; and those that a user gives of a function.
+
+Where points are on the verge of a change (`Tangent.kinks`) there is a derivative to either side. Which
+statuses hold there follows from the change itself: rates of gaps and pressures, of slips and what
+friction lacks to its bound, are complementary as gaps and pressures themselves are. There are few such
+points, so that they are changed one after the other until none contradicts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.tangent.changes import Change, Parameter, change, parameter
+from skfem_contact.answers.tangent.rates import Carried, Rates, Weights, check_lost, forward
+from skfem_contact.answers.tangent.tangent import Tangent
+from skfem_contact.arguments import numbers, shown
+from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.digits import SOLVED
+from skfem_contact.errors import InputError, NotConverged
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+AT_CONTACT = "gap", "normal_force", "pressure", "slip", "tangential_force", "force"
+AT_ALL = "u", "displacement", "dissipation"
+
+
+def _its(quantity: str, words: str) -> Any:
+    """A property: the rates of a quantity of the only contact."""
+    return property(lambda rates: rates.of(quantity), doc=words)
+
+
+class Sensitivity:
+    """Derivatives of a result by one number, as the quantities of the result have them.
+
+    Attributes
+    ----------
+    by : Parameter
+    side : int
+        0, or 1 and -1 for the derivative to this side where there is a kink.
+
+    Examples
+    --------
+    A block that slips as a whole: its friction is proportional to the coefficient.
+
+    >>> import numpy as np
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(
+    ...     basis, linear_elasticity(0, 0.5), D="top", x={"top": (0.2, -0.01)}, name="block"
+    ... )
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> result = sc.ContactSolver(block, foot).solve()
+    >>> by_mu = result.sensitivity("friction")
+    >>> (result.force[0] / 0.3).round(9), by_mu.force[0].round(9)
+    (..., ...)
+    """
+
+    def __init__(self, by: Parameter, rates: Rates, side: int) -> None:
+        self.by, self.side, self._rates = by, side, rates
+        self._sign = -1.0 if side < 0 else 1.0
+
+    @property
+    def dissipation(self) -> float:
+        """Of the energy that friction takes in the step [energy over the parameter]."""
+        check_lost(self._rates.tangent)
+        return self._sign * float(self._rates.lost.sum())
+
+    @property
+    def u(self) -> Array:
+        """Of the displacements of all bodies, shape (n,)."""
+        return self._sign * self._rates.u / self._rates.answer.system.units
+
+    def displacement(self, body: Any) -> Array:
+        """Of the displacements of one body, shape (n_body,)."""
+        return self.u[self._rates.answer.system.slice(body)]
+
+    def of(self, quantity: str, contact: Any = None) -> Array:
+        """Of a quantity of a contact, as its values have it.
+
+        Parameters
+        ----------
+        quantity : {"gap", "normal_force", "pressure", "slip", "tangential_force", "force"}
+        contact : str, optional
+            Its name; not needed where there is one.
+        """
+        answer, rates = self._rates.answer, self._rates.points
+        terms = _terms(answer, quantity, *_which(answer, contact, quantity))
+        parts = [
+            np.einsum("iw,iwo->io", rates[name][at], by) for name, at, by in terms if name in rates
+        ]
+        found = self._sign * sum(parts)
+        if quantity == "force":
+            return np.asarray(found.sum(axis=0))
+        return np.asarray(found if quantity in ("slip", "tangential_force") else found[:, 0])
+
+    gap: Array = _its("gap", "Of the gaps of the only contact, (m,).")
+    normal_force: Array = _its("normal_force", "Of the normal forces, (m,).")
+    pressure: Array = _its("pressure", "Of the pressures, (m,).")
+    slip: Array = _its("slip", "Of the slips, (m, d-1).")
+    tangential_force: Array = _its("tangential_force", "Of the friction on the secondary, (m, d-1).")
+    force: Array = _its("force", "Of the resultant on the secondary, (d,).")
+
+    def dot(self, weights: Mapping[str, Any]) -> float:
+        """Derivative of a function of the result, given as for `ContactSolver.gradient`."""
+        return self._sign * self._rates.dot(weights_of(self._rates.answer, weights))
+
+
+def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int) -> Sensitivity:
+    """Derivatives of an answer; see `ContactResult.sensitivity`."""
+    by = parameter(by)
+    if by.field or by.each_step:
+        raise InputError(
+            f"sensitivity: {by!r} is many numbers; give a direction, along=..., or take solver.gradient"
+        )
+    if side not in (-1, 0, 1):
+        raise InputError(f"side = {shown(side)}; it may be 1, -1, or 0 for the statuses that hold")
+    if after is not None and (repr(after.by), after.side) != (repr(by), side):
+        raise InputError(f"after is by {after.by!r}, side {after.side}; here by {by!r}, side {side}")
+    found, before = change(by, tangent), None if after is None else after._rates.carried
+    if side:
+        return Sensitivity(by, one_sided(tangent, found, before, side), side)
+    return Sensitivity(by, forward(tangent, found, before), side)
+
+
+def one_sided(tangent: Tangent, found: Change, before: Carried | None, side: int) -> Rates:
+    """Rates to one side, with the statuses that hold there.
+
+    Raises
+    ------
+    InputError
+        In space, where a direction of friction is about to be found.
+    NotConverged
+        No statuses fit.
+    """
+    found = found.minus(Change.none(tangent.answer), side)
+    branch, seen, whole = tangent, set[bytes](), True
+    while True:
+        switched = (branch.switched & branch.slips)[:, None]
+        friction = np.where(switched, branch.direction * found.bound[:, None], found.friction)
+        own = replace(found, friction=friction)
+        rates = forward(branch, own, before)
+        wanted = _contradicted(branch, rates, before)
+        if not wanted:
+            return rates
+        key = branch.conditions.matrix_key()
+        whole, again = whole and key not in seen, key in seen and not whole
+        if again:
+            raise NotConverged(
+                "no statuses of the points with a kink fit the change to this side", None
+            )
+        if key in seen:
+            seen = set()
+        seen.add(key)
+        last = max(wanted)  # one at a time, the last: ends where answers are unique (Murty)
+        branch = branch.with_statuses(wanted if whole else {last: wanted[last]})
+
+
+def _contradicted(
+    branch: Tangent, rates: Rates, before: Carried | None
+) -> dict[int, tuple[int, Array]]:
+    """Points with a kink whose rates contradict their status: what they are instead, and which way."""
+    response, out = rates.response, dict[int, tuple[int, Array]]()
+    each = response.gap, response.normal_force, response.slip, response.tangential_force
+    gap, force, slip, friction = (SOLVED * float(np.max(np.abs(rate), initial=0.0)) for rate in each)
+    still = np.zeros(response.slip.shape[1])
+    moved = response.slip - (0.0 if before is None else before.slip)
+    frictional, slid = branch.answer.model.interface.frictional, branch.slid
+    for i in branch.kinks:
+        if not branch.closed[i]:
+            if response.gap[i] < -gap:  # what closes where it has slid slips on, against its way
+                way = branch.answer.plastic_slip[i]
+                slips = frictional[i] and slid[i]
+                out[i] = (SLIP, way / np.linalg.norm(way)) if slips else (STICK, still)
+        elif branch.touching[i] and response.normal_force[i] < -force:
+            out[i] = (OPEN, still)
+        elif frictional[i] and branch.slips[i]:
+            if not slid[i] and branch.direction[i] @ moved[i] < -slip:
+                out[i] = (STICK, still)
+        elif frictional[i]:
+            rate = response.tangential_force[i]
+            toward = branch.toward[i] if branch.toward[i].any() else np.sign(rate)
+            if toward @ rate - rates.carried.bound[i] > friction:
+                out[i] = (SLIP, toward)
+    exact = branch.exact[list(out)].all() and len(still) == 1
+    if not exact and any(
+        frictional[i] and not slid[i] and status != OPEN for i, (status, _) in out.items()
+    ):
+        raise InputError(
+            "side: points at the verge of slipping have derivatives to either side in the plane, with "
+            "exact sticking. In space, or with a stiffness, move the load a little off the kink."
+        )
+    return out
+
+
+# -- quantities -----------------------------------------------------------------------------------
+
+
+def _which(answer: Answer, contact: Any, what: str) -> tuple[int, slice]:
+    if what not in AT_CONTACT:
+        raise InputError(f"{what!r} is none of {', '.join(AT_CONTACT)}")
+    if contact is None and len(answer.names) != 1:
+        raise InputError(f"{what}: there are several contacts; name one of {', '.join(answer.names)}")
+    if contact is not None and contact not in answer.names:
+        raise InputError(f"there is no contact {shown(contact)}, only {', '.join(answer.names)}")
+    i = 0 if contact is None else answer.names.index(contact)
+    return i, answer.model.interface.point_slices[i]
+
+
+def _terms(answer: Answer, what: str, i: int, part: slice) -> list[tuple[str, Index, Array]]:
+    """A quantity of a contact as a linear map of the blocks of `Weights.points`, to be summed.
+
+    Each with its name, its points (k,), and what a number of these makes of the quantity, (k, width,
+    o); of a resultant force at each point its share.
+    """
+    kin, local = answer.kin, answer.local
+    heir, own, one = kin.heir[part], np.arange(part.start, part.stop), np.ones((1, 1, 1))
+    if what == "gap":
+        return [("gap", heir, one)]
+    if what == "normal_force":
+        return [("normal_force", own, one)]
+    if what == "pressure":
+        area = kin.area[heir]
+        per = np.divide(1.0, area, out=np.zeros(len(area)), where=area > 0)[:, None, None]
+        by_area = -(per**2) * local.normal_force[heir, None, None]
+        return [("normal_force", heir, per), ("area", heir, by_area)]
+    if what == "slip":
+        _check_slip(answer, i)
+        return [("slip", heir, _along_tangents(kin, kin.duals, heir))]
+    if what == "tangential_force":
+        return [("friction", own, -_along_tangents(kin, kin.axes, own))]
+    normal, axes, unit = kin.normal[part, None], kin.axes[part], np.eye(kin.normal.shape[1])
+    by_axes = -np.einsum("ik,de->ikde", local.tangential_force[part], unit)
+    return [  # force = sum of lambda n - tau . axes
+        ("normal_force", own, normal),
+        ("friction", own, -axes),
+        ("normal", own, local.normal_force[part, None, None] * unit),
+        ("axes", own, by_axes.reshape(len(own), -1, len(unit))),
+    ]
+
+
+def _along_tangents(kin: Kinematics, basis: Array, at: Index) -> Array:
+    """Components along unit tangents from those along a basis, (k, d-1, d-1) or (1, d-1, d-1)."""
+    if kin.scaled is None:
+        return np.eye(kin.tangents)[None]
+    return np.asarray(np.einsum("ikd,ild->ikl", basis[at], kin.tangent[at]))
+
+
+def _check_slip(answer: Answer, i: int) -> None:
+    if not answer.model.interface.slipping[answer.model.interface.point_slices[i]].any():
+        raise InputError(
+            f"slip of contact {answer.names[i]!r}: without friction nothing tangential is solved for, "
+            "and its slip is no unknown. Take the displacements of the bodies."
+        )
+
+
+def weights_of(answer: Answer, given: Any) -> Weights:
+    """A user's derivatives of a function of one result: by quantity, or by contact and quantity.
+
+    Raises
+    ------
+    InputError
+    """
+    out = Weights.none(answer)
+    if given is None:
+        return out
+    if not isinstance(given, Mapping):
+        raise InputError(f"derivatives by a result are {shown(given)}; give a dict by quantity")
+    for key, value in given.items():
+        if key in ("u", "displacement"):
+            _by_displacement(answer, out, key, value)
+        elif key == "dissipation":
+            out.lost += float(value)
+        elif key in answer.names and isinstance(value, Mapping):
+            i = answer.names.index(key)
+            for what, own in value.items():
+                if what == "dissipation":
+                    out.lost[i] += float(own)
+                else:
+                    _by_quantity(answer, out, what, own, *_which(answer, key, what))
+        elif key in AT_CONTACT:
+            _by_quantity(answer, out, key, value, *_which(answer, None, key))
+        else:
+            known = ", ".join((*AT_CONTACT, *AT_ALL, *answer.names))
+            raise InputError(f"derivatives by a result name {key!r}; they may name {known}")
+    return out
+
+
+def _by_displacement(answer: Answer, out: Weights, key: str, value: Any) -> None:
+    system = answer.system
+    if out.u is None:
+        out.u = np.zeros(system.n)
+    parts = {None: value} if key == "u" else value
+    for body, own in parts.items():
+        span = slice(None) if body is None else system.slice(system.bodies[system.index(body)])
+        out.u[span] += (
+            _shaped(own, out.u[span].shape, key) / np.broadcast_to(system.units, system.n)[span]
+        )
+
+
+def _by_quantity(answer: Answer, out: Weights, what: str, value: Any, i: int, part: slice) -> None:
+    m, t, d = part.stop - part.start, answer.kin.tangents, answer.kin.normal.shape[1]
+    shape = {"slip": (m, t), "tangential_force": (m, t), "force": (d,)}.get(what, (m,))
+    w = _shaped(value, shape, what)
+    if what == "force":
+        w = np.broadcast_to(w, (m, d))
+    for name, at, by in _terms(answer, what, i, part):
+        np.add.at(out.points[name], at, np.einsum("io,iwo->iw", w.reshape(m, -1), by))
+
+
+def _shaped(value: Any, shape: tuple[int, ...], what: str) -> Array:
+    found = numbers(value, f"the derivative by {what}", f"give an array of shape {shape}")
+    if found.shape != shape:
+        raise InputError(f"the derivative by {what} has shape {found.shape}, not {shape}")
+    return found

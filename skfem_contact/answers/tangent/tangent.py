@@ -1,0 +1,460 @@
+r"""`Tangent`: the equations of contact and friction linearised at an answer.
+
+At an answer every point is open, stuck or slipping. As long as none changes, gaps g, slips s and forces
+follow linear equations: an open point carries nothing, a closed one keeps its gap, a stuck one its
+slip, and the friction of a slipping one follows from the return map P (`return_map`) at its trial force
+``t = tau + k (s - s_n)``,
+
+    d tau = J dt + c d lambda + B d(s - s_0) + dP,      J, c, B = dP/dt, dP/d lambda, dP/ds.
+
+With a finite tangential stiffness ``k = G`` and tau in t is the one of the step before. Where sticking
+is exact it is that of this step, for any k, and the equation is solved for it,
+
+    d tau = M (k J d(s - s_n) + c d lambda + B d(s - s_0) + dP),      M = (1 - J)^-1.
+
+With Coulomb's law ``M k J = L / |s - s_n| (1 - d d')``, whatever k is: the spring across the direction
+d of friction is that of the answer itself. The last linear solve of an iteration has that of an iterate
+before, which is why it is not taken from there.
+
+These are the conditions of one more linear solve (`problem.response.Conditions`), in which anchors and
+offsets are what the step before and the parameter make of them.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_matrix, vstack
+
+from skfem_contact.answers.answer import Answer
+from skfem_contact.arguments import numbers
+from skfem_contact.arrays import largest, lengths
+from skfem_contact.conditions.friction import FrictionLaw
+from skfem_contact.conditions.friction_rule import FrictionRule
+from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.conditions.thresholds import BEYOND
+from skfem_contact.digits import SOLVED
+from skfem_contact.errors import InputError
+from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.problem.response import Conditions, Source
+from skfem_contact.problem.zone import Zone, Zones
+from skfem_contact.records import dataclass
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Derivatives of the friction forces of slipping points; zero at all others.
+
+    Attributes
+    ----------
+    spring, by_trial, by_slip, by_map : ndarray, shape (m, d-1, d-1)
+        By the slip since the last step, ``M k J + M B``; by the friction of the last step; by the slip
+        that bounds follow, ``M B``; and by the return map itself, M.
+    by_normal : ndarray, shape (m, d-1)
+        By the normal force.
+    trial : ndarray, shape (m, d-1)
+        The trial forces at which the return map is asked [force].
+    """
+
+    spring: Array
+    by_trial: Array
+    by_slip: Array
+    by_map: Array
+    by_normal: Array
+    trial: Array
+
+
+class Tangent:
+    r"""The equations of contact and friction linearised at an answer, which `result.linearized` is.
+
+    It holds while no point changes its status: `margin` says how far each is from that, and `kinks` are
+    the points that are on the verge, where the answer has a derivative to either side only.
+
+    Attributes
+    ----------
+    status : ndarray of int, shape (m,)
+        0 open, 1 stick, 2 slip, of all points, one contact after the other.
+    direction : ndarray, shape (m, d-1)
+        Unit direction of the force that resists at a slipping point; zero at the others.
+    slope : ndarray, shape (m, d-1)
+        Derivative of that force by the normal force, ``mu d``: the part of friction that follows the
+        pressure, and makes the equations unsymmetric.
+    spring : ndarray, shape (m, d-1, d-1)
+        Its derivative by the slip: in space ``L / |ds| (1 - d d')``, as the direction of friction turns
+        with the slip ``ds`` of the step [force/length].
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> tangent = sc.ContactSolver(block, foot).solve().linearized
+    >>> tangent.status.tolist(), tangent.kinks.tolist()
+    ([2, 1, 1, 1, 2], [])
+    >>> tangent.slope[tangent.status == 2].round(12).tolist()
+    [[0.3], [-0.3]]
+    """
+
+    def __init__(self, answer: Answer, zones: Zones | None = None) -> None:
+        refuse(answer)
+        problem = answer.model.for_tangents
+        assert problem is not None
+        self.answer, self.problem = answer, problem
+        self.zones = zones or Zones(problem.compliance)
+        self.local = local = answer.local
+        interface = answer.model.interface
+        self.rule = FrictionRule(interface.laws, local.area, local.reference)
+        self.closed = local.status != OPEN
+        self.exact = exact = np.isinf(interface.stiffness)
+        self.stiffness = np.where(exact, 0.0, interface.stiffness)
+        sticks = local.status == STICK
+        self.slips = (local.status == SLIP) & interface.frictional
+        self.stick = sticks & (interface.frictional & exact | interface.tied)
+        self.elastic = sticks & interface.frictional & ~exact
+        if local.slip.shape[1] > 1:
+            # where nothing has slipped yet no direction turns: as if it stuck, and a kink
+            still = self.slips & exact & ~self.slid
+            self.slips, self.stick = self.slips & ~still, self.stick | still
+
+    @cached_property
+    def status(self) -> NDArray[np.intp]:
+        """See the class: as results have it, 2 at closed points without friction or glue."""
+        smooth = ~self.answer.model.interface.slipping
+        return np.where(smooth & self.closed, SLIP, self.local.status)
+
+    @cached_property
+    def direction(self) -> Array:
+        """See the class."""
+        force, way = self.local.tangential_force, self.answer.plastic_slip
+        size = lengths(force)
+        # nearly without a bound friction has a direction all the same: that of the slip
+        tells = (size > SOLVED * largest(size)) | ~way.any(axis=1)
+        along = np.where(tells[:, None], force, way)
+        size = np.where(tells, size, lengths(way))
+        return np.where(self.slips[:, None], along / np.where(size > 0, size, 1.0)[:, None], 0.0)
+
+    @cached_property
+    def slopes(self) -> Slopes:
+        """Derivatives of the friction of slipping points."""
+        local, rule, t = self.local, self.rule, self.local.slip.shape[1]
+        unit, slips = np.eye(t), self.slips[:, None, None]
+        exact, elastic = self.exact[:, None, None], unit * self.elastic[:, None, None]
+        way, force = self.answer.plastic_slip, lengths(local.tangential_force)
+        moved = lengths(way)
+        # with exact sticking any stiffness does: one that makes the trial force twice the bound
+        k = np.where(force > 0, force, 1.0) / np.where(moved > 0, moved, 1.0)
+        k = np.where(self.exact, k, self.stiffness)[:, None]
+        trial = local.tangential_force + k * way if t > 1 else BEYOND * self.direction
+        by = rule.mapped(trial, local.normal_force, local.slip)[2]
+        J, M = np.where(slips, by.trial, 0.0), unit * slips
+        if np.count_nonzero(J):
+            M = M @ np.linalg.inv(unit - np.where(exact, J, 0.0))
+        spring = M @ (k[:, :, None] * J) + k[:, :, None] * elastic
+        if rule.steady:  # round-off alone takes springs from being symmetric
+            spring = 0.5 * (spring + spring.swapaxes(1, 2))
+        # the bound of glue that is pulled stays as it is
+        by_normal = np.einsum("ikl,il->ik", M, np.where(self.presses[:, None], by.normal_force, 0.0))
+        B = M @ by.slip
+        return Slopes(spring + B, elastic + np.where(exact, 0.0, J), B, M, by_normal, trial)
+
+    @property
+    def slope(self) -> Array:
+        """See the class."""
+        return self.slopes.by_normal
+
+    @property
+    def spring(self) -> Array:
+        """See the class; of a point that sticks with a finite stiffness that stiffness."""
+        return self.slopes.spring
+
+    @cached_property
+    def conditions(self) -> Conditions:
+        """What a linear solve holds every point to, with nothing that drives it."""
+        still, slopes = np.zeros(self.local.slip.shape), self.slopes
+        return Conditions(self.closed, self.stick, still, slopes.spring, still, slopes.by_normal)
+
+    @property
+    def zone(self) -> tuple[Zone, object]:
+        """The dense problem of points that may carry a force, and the key of the conditions."""
+        return self.zones.fitting(self.conditions, self.local.gap)
+
+    def friction(self, by_map: Array, by_trial: Array, by_slip: Array) -> Array:
+        """Changes of friction by those of the return map, and of the friction and slip before."""
+        found, given = np.zeros(self.local.slip.shape), (by_map, by_trial, by_slip)
+        for slope, own in zip(self._slopes, given, strict=True):
+            if slope is not None:
+                found += np.einsum("ikl,il->ik", slope, own)
+        return found
+
+    def friction_by(self, given: Array) -> list[Array]:
+        """`friction` transposed."""
+        still = np.zeros(given.shape)
+        return [still if s is None else np.einsum("ikl,ik->il", s, given) for s in self._slopes]
+
+    @property
+    def _slopes(self) -> list[Array | None]:
+        slopes = self.slopes.by_map, self.slopes.by_trial, self.slopes.by_slip
+        return [slope if np.count_nonzero(slope) else None for slope in slopes]
+
+    # -- how far it holds -----------------------------------------------------------------------
+
+    @cached_property
+    def bound(self) -> Array:
+        """Bound of the friction force, zero at open points, (m,) [force]."""
+        return np.where(self.closed, self.rule.bound(self.local.normal_force, self.local.slip), 0.0)
+
+    @cached_property
+    def presses(self) -> Mask:
+        """Closed points whose bound follows the normal force: not of glue that is pulled, (m,)."""
+        pulled = self.answer.model.interface.bilateral & (self.local.normal_force < 0)
+        return self.closed & ~pulled
+
+    @cached_property
+    def bound_slope(self) -> Array:
+        """Derivative of the bounds by the normal force, zero at open points, (m,)."""
+        return np.where(self.presses, self.rule.slope(self.local.normal_force, self.local.slip), 0.0)
+
+    @cached_property
+    def margin(self) -> Array:
+        """How far each point is from its next change, shape (m,): a force over the largest one.
+
+        Of a closed point its normal force, or what friction lacks to its bound; of an open one its gap,
+        and of a slipping one its slip in the step, times what the point resists by itself. Infinite
+        where nothing can change.
+        """
+        local, interface = self.local, self.answer.model.interface
+        along = self.problem.resistance.tangential * np.sum(
+            self.answer.plastic_slip * self.toward, axis=1
+        )
+        lacking = self.bound - lengths(local.tangential_force)
+        slides = np.where(local.status == SLIP, along, lacking)
+        rubs = self.closed & interface.frictional
+        found = np.minimum(self._apart, np.where(rubs, slides, np.inf))
+        return np.asarray(np.maximum(found, 0.0) / self.largest_force)
+
+    @cached_property
+    def _apart(self) -> Array:
+        """How far each point is from opening or closing, (m,) [force]."""
+        local = self.local
+        gap = np.where(np.isfinite(local.gap), local.gap, np.inf)
+        with np.errstate(invalid="ignore"):  # a point without a partner resists nothing
+            found = np.where(self.closed, local.normal_force, self.problem.resistance.normal * gap)
+        never = self.answer.model.interface.bilateral | (~self.closed & np.isinf(gap))
+        return np.where(never, np.inf, found)
+
+    @cached_property
+    def toward(self) -> Array:
+        """Unit direction of the friction force of every point, zero without one."""
+        size = lengths(self.local.tangential_force)
+        return self.local.tangential_force / np.where(size > 0, size, 1.0)[:, None]
+
+    @cached_property
+    def kinks(self) -> Index:
+        """Points at which the answer has a kink: a derivative to either side, which may differ."""
+        return np.flatnonzero(self.margin <= SOLVED)
+
+    @cached_property
+    def touching(self) -> Mask:
+        """Points that neither press nor are apart, (m,)."""
+        return np.asarray(self._apart <= SOLVED * self.largest_force)
+
+    @cached_property
+    def switched(self) -> Mask:
+        """Points that `with_statuses` has given another status, (m,)."""
+        return np.zeros(len(self.status), dtype=bool)
+
+    @cached_property
+    def slid(self) -> Mask:
+        """Points whose slip in the step is more than round-off, (m,): it tells where friction acts."""
+        resisted = self.problem.resistance.tangential * lengths(self.answer.plastic_slip)
+        return np.asarray(resisted > SOLVED * self.largest_force)
+
+    @cached_property
+    def largest_force(self) -> float:
+        """The largest force of a point, one where there is none [force]."""
+        local = self.local
+        forces = np.maximum(np.abs(local.normal_force), lengths(local.tangential_force))
+        return largest(forces) or 1.0
+
+    def with_statuses(self, other: dict[int, tuple[int, Array]]) -> Tangent:
+        """The tangent with other statuses of some points, and the directions in which they slip."""
+        new, frictional = copy(self), self.answer.model.interface.frictional
+        slope = self.rule.slope(np.maximum(self.local.normal_force, 0.0), self.local.slip)
+        new.closed, new.stick, new.slips = self.closed.copy(), self.stick.copy(), self.slips.copy()
+        direction, by_normal = self.direction.copy(), self.slope.copy()
+        new.switched, by_map = self.switched.copy(), self.slopes.by_map.copy()
+        for i, (status, way) in other.items():
+            new.closed[i], new.slips[i] = status != OPEN, status == SLIP
+            new.stick[i] = status == STICK and frictional[i]
+            new.switched[i], direction[i] = True, way
+            by_normal[i], by_map[i] = slope[i] * way, np.eye(len(way)) * (status == SLIP)
+        new.direction, new.slopes = direction, replace(self.slopes, by_normal=by_normal, by_map=by_map)
+        for name in set(vars(new)) & {"conditions", "presses", "bound_slope", "bound", "K", "T", "W"}:
+            del vars(new)[name]
+        return new
+
+    def solve(self, force: ArrayLike) -> Array:
+        """Changes of displacements (n,) under those of loads (n,), ``T (W'KT)^-1 W'``, by factors."""
+        f, system, still = (
+            numbers(force, "force", "give a load (n,)"),
+            self.answer.system,
+            self.conditions,
+        )
+        if f.shape != (system.n,):
+            raise InputError(f"force has shape {f.shape}; give a load on all DOFs, ({system.n},)")
+        none, f = np.zeros(len(self.status)), f / system.units
+        f[system.D] = 0.0
+        case = LoadCase(f, np.zeros(system.n), none, still.anchor, none, ())
+        with single_threaded():
+            load, (zone, key) = self.problem.other_load(case), self.zone
+            source = self.problem.source(load, zone.solve(still, load, key))
+        return self.recovered(source.values, case) / system.units
+
+    def recovered(self, force: Array, case: LoadCase) -> Array:
+        """Displacements (n,) under a load case and forces on the contact DOFs (n_c,)."""
+        source = Source(force[:, None], True)
+        with single_threaded():
+            found: Array = self.problem.bodies.recover(source, [None], [case])[0]
+        return found
+
+    # -- matrices, on request -------------------------------------------------------------------
+
+    @cached_property
+    def K(self) -> csr_matrix:
+        """Stiffness of all bodies with the springs of slipping points, (n, n) [force/length]."""
+        from scipy.sparse import block_diag
+
+        stiffness = csr_matrix(block_diag(self.answer.stiffness, format="csr"))
+        if self.conditions.gives:
+            t = self.spring.shape[1]
+            point, k, j = np.nonzero(self.spring)
+            shape = (len(self.status) * t,) * 2
+            springs = csr_matrix((self.spring[point, k, j], (point * t + k, point * t + j)), shape)
+            B_t = self.answer.kin.B_t
+            stiffness = csr_matrix(stiffness + B_t.T @ springs @ B_t)
+        return stiffness
+
+    @property
+    def rows(self) -> csr_matrix:
+        """Rows whose product with rates of u is zero: closed gaps, then slips that stick, (k, n)."""
+        return held_rows(self.answer.kin, self.closed, self.stick)
+
+    @cached_property
+    def T(self) -> csr_matrix:
+        """Rates of u that `rows` and supports leave free, ``u = T u_r``, (n, r)."""
+        return self._basis(self.rows)
+
+    @cached_property
+    def W(self) -> csr_matrix:
+        """Virtual displacements on which contact forces do no work, friction included, (n, r).
+
+        Of as many columns as `T`, and T itself where no friction follows the pressure.
+        """
+        if not np.any(self.slope):
+            return self.T
+        return self._basis(held_rows(self.answer.kin, self.closed, self.stick, self.slope))
+
+    @property
+    def K_r(self) -> csr_matrix:
+        """Stiffness of what is free to move, ``W' K T``, (r, r) [force/length]."""
+        return csr_matrix(self.W.T @ self.K @ self.T)
+
+    @property
+    def K_friction(self) -> csr_matrix:
+        """The part of `K_r` by friction that follows the pressure, ``(W - T)' K T``, (r, r)."""
+        return csr_matrix((self.W - self.T).T @ self.K @ self.T)
+
+    def _basis(self, rows: csr_matrix) -> csr_matrix:
+        from skfem_contact.elimination.eliminate import eliminate
+
+        system = self.answer.system
+        return csr_matrix(eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n)).T)
+
+    def __repr__(self) -> str:
+        count = [int(np.sum(self.status == k)) for k in (OPEN, STICK, SLIP)]
+        kinks = "no kinks" if not len(self.kinks) else f"kinks at points {self.kinks.tolist()}"
+        return "<Tangent: {} open, {} stick, {} slip; {}>".format(*count, kinks)
+
+
+def held_rows(kin: Kinematics, closed: Mask, stick: Mask, slope: Array | None = None) -> csr_matrix:
+    """Rows of closed gaps, then of slips that stick, (k, n).
+
+    With the slope of friction by the normal force, (m, d-1): rows of what contact forces work on.
+    """
+    normal, t = kin.B_n, kin.tangents
+    if slope is not None and slope.size:
+        point, k = np.nonzero(slope)
+        shape = len(slope), slope.size
+        follows = csr_matrix((slope[point, k], (point, point * t + k)), shape)
+        normal = csr_matrix(normal - follows @ kin.B_t)
+    held = [normal[closed]]
+    if t and stick.any():
+        held.append(kin.B_t[np.repeat(stick, t)])
+    return csr_matrix(vstack(held))
+
+
+def differentiable(law: FrictionLaw) -> bool:
+    """Whether a law says how its bound changes: one of ours, or with a slope or map of its own."""
+    own = type(law)
+    return own.slope is not FrictionLaw.slope or own.return_map is not FrictionLaw.return_map
+
+
+def refuse(answer: Answer) -> None:
+    """Raise `InputError` for an answer that has no tangent, with the reason.
+
+    Raises
+    ------
+    InputError
+    """
+    model = answer.model
+    interface = model.interface
+    bare = [law for _, law in interface.laws if not differentiable(law.law)]
+    reasons: dict[str, Any] = {
+        f"it did not converge ({answer.message})": not answer.converged,
+        'contact slides far (sliding="finite"): how its pairing changes is not differentiated. Where '
+        'slips are short, sliding="small" has derivatives': model.geometry.follows,
+        "surfaces wear: the depth worn off is not differentiated. Leave wear out of the contact": (
+            interface.wear or np.any(answer.state.wear)
+        ),
+        f"its load step was cut into {answer.parts} parts, whose states are not kept. Give the history "
+        "smaller steps": answer.parts > 1,
+        "conditions of its points depend on each other, so that forces are not unique. Let contacts "
+        "share no edge, and make a held tool no finer than what it presses": answer.springs,
+        "a body may stand elsewhere as well. Prescribe a DOF (D=...)": answer.indifferent,
+        "the stretch of bolts is handed on from step to step, and not differentiated": (
+            answer.bolts is not None and answer.bolts.names
+        ),
+        "a material has internal variables, which are not differentiated": any(
+            getattr(body, "initial_state", None) for body in model.system.bodies
+        ),
+    }
+    for law in bare[:1]:
+        reasons[
+            f"the law {type(law.law).__name__} of contact '{law.contact}' has no slopes of its own, "
+            "and difference quotients leave six digits. Give it a method slope(...), the derivative of "
+            "its limit by the normal force, or a return_map(...)"
+        ] = True
+    for words, wrong in reasons.items():
+        if wrong:
+            raise InputError(f"this result has no derivatives: {words}.")
+    if model.for_tangents is None:
+        raise InputError(
+            f"this result has no derivatives: the contact problem has no matrix on this route "
+            f'({model.route}). Make the solver with linear="condensed".'
+        )

@@ -1,0 +1,617 @@
+"""Derivatives of answers against differences, against each other, and where there are none."""
+
+from __future__ import annotations
+
+import pickle
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import skfem as fem
+from bolted import upright
+from numpy.testing import assert_allclose
+from quick_elasticity import linear_elasticity
+from rectangles import block, rectangle
+from states import NUMBERS, QUANTITIES, State, box, forward, quantities, worst
+
+import skfem_contact as sc
+
+# Differences of order four over such a width leave 1e-9 of the derivative or less, and round-off of
+# answers (1e-14) over the width as much.
+WIDTH = dict.fromkeys(NUMBERS, 1e-4) | {"interference": 1e-6}
+CLOSE = 1e-6
+
+
+def off(seeds, dim, law=sc.Coulomb):
+    """Largest deviations of some random states from differences, by number."""
+    found = {by: [] for by in NUMBERS}
+    for seed in seeds:
+        state = State(seed, dim, law)
+        for by in NUMBERS:
+            found[by].append(worst(state, by, WIDTH[by]))
+    return found
+
+
+def whole(results):
+    """A number that depends on all quantities of all results, and how."""
+    value, derivatives = 0.0, []
+    for k, r in enumerate(results, start=1):
+        value += k * r.force.sum() + r.pressure @ r.pressure + 9 * np.sum(r.slip**2) + 5 * r.dissipation
+        value += np.sum(r.u**2) + r.gap.sum() + np.sum(r.tangential_force * r.normal_force[:, None])
+        derivatives.append(
+            {
+                "force": k * np.ones(r.force.shape),
+                "pressure": 2 * r.pressure,
+                "slip": 18 * r.slip,
+                "dissipation": 5.0,
+                "u": 2 * r.u,
+                "gap": np.ones(r.gap.shape),
+                "tangential_force": np.repeat(r.normal_force[:, None], r.slip.shape[1], axis=1),
+                "normal_force": r.tangential_force.sum(axis=1),
+            }
+        )
+    return value, derivatives
+
+
+def by_hand(results, by, derivatives):
+    """The derivative forwards, step by step."""
+    known, found = None, 0.0
+    for result, own in zip(results, derivatives, strict=True):
+        known = result.sensitivity(by, after=known)
+        found += known.dot(own)
+    return found
+
+
+def test_derivatives_are_those_of_differences():
+    """Forces, pressures, slips, energy and displacements by four numbers, open points included."""
+    plane, solids = off((4, 13), 2), off((2,), 3)
+    for by in NUMBERS:
+        assert max(plane[by] + solids[by]) < CLOSE, by
+
+
+@dataclass(frozen=True, eq=False)
+class Power(sc.FrictionLaw):
+    """A bound that grows less than the pressure, with its slope."""
+
+    mu: float = 0.3
+
+    def limit(self, normal_force, area, slip):
+        return self.mu * normal_force**0.9 * area**0.1
+
+    def slope(self, normal_force, area, slip):
+        size = np.where(normal_force > 0, normal_force, 1.0)
+        return np.where(normal_force > 0, 0.9 * self.mu * size**-0.1 * area**0.1, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Growing(sc.FrictionLaw):
+    """A bound that grows with the slip, with its slope by the normal force."""
+
+    mu: float = 0.3
+
+    def limit(self, normal_force, area, slip):
+        return self.mu * normal_force * (1 + 40 * np.linalg.norm(slip, axis=1))
+
+    def slope(self, normal_force, area, slip):
+        return self.mu * (1 + 40 * np.linalg.norm(slip, axis=1))
+
+
+LAWS = {
+    "stiffness": lambda mu: sc.Coulomb(mu, stiffness=3.0),
+    "cap": lambda mu: sc.Coulomb(mu, tau_max=0.002),
+    "Tresca": lambda mu: sc.Tresca(0.01 * mu),
+    "power": lambda mu: Power(mu=mu),
+    "growing": lambda mu: Growing(mu=mu),
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_other_laws_have_derivatives(law):
+    """A finite tangential stiffness, a cap, a bound without pressure, a user's law with a slope."""
+    state = State(13, 2, LAWS[law])
+    for by in ("displacement", "interference"):
+        assert worst(state, by, WIDTH[by]) < CLOSE
+
+
+def test_slips_turn_on_springs():
+    """In space, with a finite stiffness, friction turns with the force of the step before."""
+    state = State(0, 3, lambda mu: sc.Coulomb(0.5 * mu, stiffness=3.0))
+    results = state.history()
+    assert len(results) > 1 and any(np.any(r.status == 2) for r in results)
+    assert worst(state, "displacement", 1e-4) < CLOSE
+
+
+def test_ellipses_have_derivatives():
+    """Friction with two coefficients, which is not along the slip."""
+    law = lambda mu: sc.OrthotropicCoulomb((mu, 0.4 * mu), (1.0, 0.3, 0.0))  # noqa: E731
+    state = State(0, 3, law)
+    assert any(np.any(r.status == 2) for r in state.history())
+    assert worst(state, "displacement", 1e-4) < CLOSE
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_backwards_is_forwards(dim):
+    """The gradient of a number by all parameters is what each gives by itself, to round-off."""
+    state = State(4 if dim == 2 else 0, dim)
+    by = [state.parameter(name) for name in NUMBERS]
+    found = state.solver().gradient(whole, state.steps(), by=by)
+    derivatives = whole(found.results)[1]
+    wanted = [by_hand(found.results, p, derivatives) for p in by]
+    assert found.value == whole(state.history())[0]
+    # sums of terms that are larger, see `whole`
+    assert_allclose(found.vector, wanted, rtol=1e-12, atol=1e-12 * max(map(abs, wanted)))
+
+
+def test_points_that_are_left_out_count():
+    """Backwards is forwards where most points are open and left out: their gaps too."""
+    low = rectangle(np.linspace(-2, 2, 40), np.linspace(-1, 0, 5))
+    up = rectangle(np.linspace(-2, 2, 50), np.linspace(0, 1, 5))
+    bodies = [
+        sc.Body(low, linear_elasticity(1.0, 0.7), D="bottom", name="low"),
+        sc.Body(up, linear_elasticity(1.0, 0.7), f={"top": (1e-4, -2e-3)}, name="up"),
+    ]
+    joint = sc.Contact(
+        bodies[1].surface("bottom"),
+        bodies[0].surface("top"),
+        friction=sc.Coulomb(0.4),
+        gap=lambda x: 0.01 * x[0] ** 2,
+        name="joint",
+    )
+    solver, steps = sc.ContactSolver(bodies, joint), [0.5, 1.0]
+    along = np.random.default_rng(0).uniform(-1, 1, 50)
+    by = sc.Parameter("gap", along=along), sc.Parameter("load")
+    found = solver.gradient(whole, steps, by=by)
+    assert np.count_nonzero(found.results[-1].status) < 25
+    wanted = [by_hand(found.results, p, whole(found.results)[1]) for p in by]
+    # a floating body: its rigid motions take digits of sums that are larger
+    assert_allclose(found.vector, wanted, rtol=1e-9)
+
+
+def test_fields_are_sums_of_numbers():
+    """What a field has at every point, times a direction, is the derivative along it."""
+    state = State(4, 2)
+    solver, steps = state.solver(), state.steps()
+    m, draw = len(solver.solve().pressure), np.random.default_rng(1)
+    n = solver.system.bodies[1].n
+    shares = {"friction": m, "interference": m, "gap": m, "load": n, "displacement": n}
+    for kind, size in shares.items():
+        of = "up" if size == n else "joint"
+        along = draw.uniform(-1, 1, size)
+        fields = [
+            sc.Parameter(kind, of, field=True),
+            sc.Parameter(kind, of, field=True, each_step=True),
+        ]
+        found = solver.gradient(whole, steps, by=[*fields, sc.Parameter(kind, of, along=along)])
+        field, each, wanted = found.parts
+        assert each.shape == (len(steps), size)
+        assert_allclose(each.sum(axis=0), field, rtol=1e-12, atol=1e-12 * np.abs(field).max())
+        assert_allclose(field @ along, wanted, rtol=1e-11, err_msg=kind)
+
+
+def test_loads_and_tools_by_differences():
+    """The load of a body, and the place of a tool that it is pressed on."""
+    basis = rectangle(np.linspace(0, 2, 9), np.linspace(0, 1, 5))
+    floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+
+    def history(pull, lift):
+        body = sc.Body(basis, linear_elasticity(1.0, 0.7), D="top", name="block")
+        joint = sc.Contact(body.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="joint")
+        steps = [
+            {"x": {"block": {"top": (0.001, -0.01)}}, "f": {"block": {"right": (0.001 + pull, 0.0)}}},
+            {"motion": {"floor": (-0.002 + lift, 2 * lift)}},
+        ]
+        return sc.ContactSolver(body, joint), steps
+
+    right = fem.FacetBasis(basis.mesh, basis.elem, facets="right")
+    load = fem.LinearForm(lambda v, w: v[0]).assemble(right)
+    solver, steps = history(0.0, 0.0)
+    results = list(solver.history(steps))
+    assert sorted(set(results[-1].status)) == [1, 2]
+    move = sc.Parameter("motion", of="floor", along=(1.0, 2.0))
+    found = (
+        forward(results, sc.Parameter("load", of="block", along=load)),
+        results[-1].sensitivity(move),
+    )
+    for k, own in enumerate(found):
+        h = 1e-6
+        shifts = [(side * h, 0.0) if k == 0 else (0.0, side * h) for side in (-1, 1)]
+        low, high = (
+            quantities(list(s.history(t))[-1]) for s, t in (history(*shift) for shift in shifts)
+        )
+        for name in QUANTITIES:
+            wanted = (high[name] - low[name]) / (2 * h)
+            assert_allclose(getattr(own, name), wanted, rtol=CLOSE, atol=1e-7 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_supports_that_reach_into_the_contact(dim):
+    """On a tool a guided side has its slips prescribed, or one of two tangents."""
+    basis = State(4, 2).bases[1] if dim == 2 else box(-0.6, 0.6, 0.0, 0.8, (3, 3, 2))
+    side, top = basis.nodal_dofs[0, basis.mesh.p[0] == -0.6], basis.get_dofs("top")
+    floor = sc.RigidPlane((0,) * dim, np.eye(dim)[-1] + 0.1 * np.eye(dim)[0])  # normals meet supports
+    body = sc.Body(basis, linear_elasticity(1.0, 0.7), D=np.union1d(top.all(), side), name="up")
+    foot = sc.Contact(body.surface("bottom"), floor, friction=sc.Coulomb(0.3), gap=0.0, name="foot")
+    solver = sc.ContactSolver(body, foot, options=sc.Options(tolerance=1e-14))
+    along, push = np.random.default_rng(2).uniform(-1, 1, basis.N), np.zeros(basis.N)
+    push[top.all(f"u^{dim}")], push[top.all("u^1")], push[side] = -0.01, 0.001, 0.003
+    if dim == 3:
+        push[top.all("u^2")] = -0.001
+
+    def steps(t):
+        return [{"x": {"up": share * push + t * along}} for share in (0.6, 1.0)]
+
+    by = sc.Parameter("displacement", "up", along=along), sc.Parameter("displacement", "up", field=True)
+    found = solver.gradient(whole, steps(0.0), by=by)
+    values = found.results[-1]
+    assert np.all(values.status[values.points[:, 0] == -0.6] == 2)
+    low, high = (whole(list(solver.history(steps(t))))[0] for t in (-1e-6, 1e-6))
+    assert_allclose(found.parts[0], (high - low) / 2e-6, rtol=CLOSE)
+    wanted = by_hand(found.results, by[0], whole(found.results)[1])
+    assert_allclose(found.parts[0], wanted, rtol=1e-11)
+    assert_allclose(found.parts[1] @ along, wanted, rtol=1e-11)
+
+
+def test_a_scene_tells_what_its_number_does():
+    """Two scenes with another friction, stiffness or interference, against the number itself."""
+    state = State(4, 2)
+    results = state.history()
+    for by in ("friction", "stiffness", "interference"):
+        h = 1e-4 if by != "interference" else 1e-6
+        scene = sc.Parameter("scene", between=(state.solver(by, -h), state.solver(by, h), 2 * h))
+        one, other = forward(results, scene), forward(results, state.parameter(by))
+        for name in QUANTITIES:
+            wanted = np.asarray(getattr(other, name))
+            assert_allclose(getattr(one, name), wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
+
+
+# -- place of nodes -------------------------------------------------------------------------------
+
+
+def moved(state, p):
+    """The scene with nodes moved, both surfaces curved."""
+    bodies = []
+    for k, (basis, name) in enumerate(zip(state.bases, ("low", "up"), strict=True)):
+        x = basis.mesh.p
+        way = np.stack([0.1 * np.sin(3 * x[0]) * (k - 0.5), 0.05 * x[0] ** 2 + 0.03 * x[0] * x[1]])
+        mesh = fem.MeshQuad(x + p * way, basis.mesh.t, _boundaries=basis.mesh.boundaries)
+        own = fem.Basis(mesh, basis.elem, intorder=3)
+        bodies.append(sc.Body(own, linear_elasticity(1.0, 0.7), D="top" if k else "bottom", name=name))
+    joint = sc.Contact(
+        bodies[1].surface("bottom"),
+        bodies[0].surface("top"),
+        friction=sc.Coulomb(state.mu),
+        method=state.method,
+        interference=0.0005,
+        name="joint",
+    )
+    return sc.ContactSolver(bodies, joint)
+
+
+@pytest.mark.parametrize("seed", [0, 5])  # node to segment, mortar
+def test_place_of_nodes(seed):
+    """A scene whose nodes move, by two others that are not solved; forwards and backwards."""
+    state, p, width = State(seed, 2), 0.3, 1e-4
+    state.mu = 0.1
+    by = sc.Parameter(
+        "scene", between=(moved(state, p - width / 2), moved(state, p + width / 2), width)
+    )
+    found = moved(state, p).gradient(whole, state.steps(), by=by)
+    ends = [whole(list(moved(state, p + t * 1e-4).history(state.steps())))[0] for t in (-1, 1)]
+    assert any(np.any(r.status == 2) for r in found.results)
+    assert_allclose(found.parts[0], (ends[1] - ends[0]) / 2e-4, rtol=1e-5)
+    assert_allclose(by_hand(found.results, by, whole(found.results)[1]), found.parts[0], rtol=1e-11)
+
+
+# -- kinks ----------------------------------------------------------------------------------------
+
+
+def pushed(state, component, t):
+    """The history, the last step moved further."""
+    ways = [np.array(way) for way in state.ways]
+    ways[-1][component] += t
+    return list(state.as_it_is.history([{"x": {"up": {"top": tuple(way)}}} for way in ways]))
+
+
+def kink(state, component, far, still):
+    """Where between 0 and `far` a status changes first: the last load before, the first behind."""
+    low, high = 0.0, far
+    here = still(pushed(state, component, low)[-1])
+    if np.array_equal(here, still(pushed(state, component, high)[-1])):
+        return None
+    while low < 0.5 * (low + high) < high:
+        middle = 0.5 * (low + high)
+        same = np.array_equal(still(pushed(state, component, middle)[-1]), here)
+        low, high = (middle, high) if same else (low, middle)
+    return low, high
+
+
+def along_top(state, component):
+    """The displacement of the top of the upper block along an axis."""
+    basis, along = state.bases[1], np.zeros(state.bases[1].N)
+    along[basis.get_dofs("top").all(f"u^{component + 1}")] = 1.0
+    return sc.Parameter("displacement", of="up", along=along)
+
+
+def sides_differ(at, by):
+    """Deviation of both one-sided derivatives from quotients of order three to their side."""
+    results, worst = at(0.0), 0.0
+    for side in (1, -1):
+        found, h = results[-1].sensitivity(by, side=side), side * 4e-6
+        q = [quantities(at(k * h)[-1]) for k in range(4)]
+        for name in ("force", "pressure", "u"):  # slips count from where points close, and jump there
+            f = [values[name] for values in q]
+            wanted = (-11 * f[0] + 18 * f[1] - 9 * f[2] + 2 * f[3]) / (6 * h)
+            worst = max(worst, np.max(np.abs(getattr(found, name) - wanted)) / np.max(np.abs(wanted)))
+    return worst
+
+
+def still_open(result):
+    return result.status == 0
+
+
+def same_status(result):
+    return result.status
+
+
+def kinked(seeds, component, far, still):
+    """Largest deviation at the kinks of some states, and their number."""
+    found = []
+    for seed in seeds:
+        state = State(seed, 2)
+        for t in kink(state, component, far, still) or ():
+            results = pushed(state, component, t)
+            if len(results[-1].linearized.kinks) != 1:
+                continue
+            at = lambda h: pushed(state, component, t + h)  # noqa: B023, E731
+            found.append(sides_differ(at, along_top(state, component)))
+    return found
+
+
+def test_kinks_have_a_derivative_to_either_side():
+    """Where a point begins to slip, and where one opens, on both sides of the change."""
+    assert max(kinked((3,), 0, 0.006, same_status)) < CLOSE
+    assert max(kinked((8,), 1, 0.004, still_open)) < CLOSE
+
+
+def test_a_step_in_which_nothing_moves_has_kinks():
+    """At a reversal points that slipped go on, or stick: each side has its own derivative."""
+    state = State(3, 2)
+    ways = [*state.ways, state.ways[-1]]
+
+    def at(t):
+        last = (ways[-1][0] + t, ways[-1][1])
+        return list(state.as_it_is.history([{"x": {"up": {"top": w}}} for w in (*ways[:-1], last)]))
+
+    assert len(at(0.0)[-1].linearized.kinks) > 0
+    assert sides_differ(at, along_top(state, 0)) < 1e-9
+
+
+# -- the tangent itself ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed, dim", [(4, 2), (2, 3)])
+def test_the_matrices_give_the_same_derivatives(seed, dim):
+    """``W'KT`` with all DOFs, made by elimination, against what is solved on gaps and slips."""
+    state = State(seed, dim)
+    result = state.history()[-1]
+    tangent, n = result.linearized, result.system.n
+    assert {1, 2} <= set(tangent.status)
+    f = np.random.default_rng(0).uniform(-1, 1, n)
+    f[result.system.D] = 0.0
+    along = {b.name: f[result.system.slice(b)] for b in result.system.bodies}
+    loads = [result.sensitivity(sc.Parameter("load", of=k, along=v)).u for k, v in along.items()]
+    u = tangent.T @ np.linalg.solve(tangent.K_r.toarray(), tangent.W.T @ f)
+    assert_allclose(u, sum(loads), atol=1e-9 * np.abs(u).max())
+    assert_allclose(tangent.solve(f), u, atol=1e-9 * np.abs(u).max())
+    symmetric = (tangent.K_r - tangent.K_friction).toarray()
+    assert_allclose(symmetric, symmetric.T, atol=1e-12)
+    assert abs(tangent.rows @ u).max() < 1e-9 * np.abs(u).max()
+
+
+def test_the_spring_is_that_of_the_answer():
+    """In space friction turns with the slip: ``L / |ds|`` across its direction and nothing along it."""
+    result = State(2, 3).history()[0]
+    tangent, slips = result.linearized, result.status == 2
+    assert slips.any()
+    for i in np.flatnonzero(slips):
+        d, s = tangent.direction[i], result.slip[i]
+        size = np.linalg.norm(result.tangential_force[i]) / np.linalg.norm(s)
+        assert_allclose(tangent.spring[i], size * (np.eye(2) - np.outer(d, d)), atol=1e-7 * size)
+        assert_allclose(d, s / np.linalg.norm(s), atol=1e-7)
+
+
+def test_margins_fall_to_zero_where_a_point_changes():
+    """The point with the least margin is the one that changes."""
+    state = State(3, 2)
+    low, _ = kink(state, 0, 0.006, same_status)
+    near, there = (pushed(state, 0, t)[-1].linearized for t in (0.99 * low, low))
+    assert np.argmin(near.margin) == np.argmin(there.margin) == there.kinks[0]
+    assert near.margin.min() > 1e-6 and there.margin.min() < 1e-9
+    assert "kinks at points" in repr(there)
+
+
+def test_where_everything_sticks_friction_is_not_told():
+    """The gradient by the coefficient is zero then, and the Jacobian says so."""
+    state = State(4, 2)
+    state.mu = 5.0
+
+    def observe(results):
+        return [r.force[0] for r in results], [{k: {"force": (1.0, 0.0)}} for k in range(len(results))]
+
+    found = state.solver().jacobian(observe, state.steps(), by=["friction", "stiffness"])
+    assert found.rank == 1 and not found.matrix[:, 0].any()
+    assert "do not depend on Parameter('friction'). No point slips" in found.words
+    both = [sc.Parameter("interference"), sc.Parameter("gap")]
+    assert "1 combinations" in state.solver().jacobian(observe, state.steps(), by=both).words
+
+
+def test_the_sparse_route_has_the_same():
+    """Bodies taken whole, condensed for this alone; and a contact beside another one."""
+    lower, upper = block("lower", D="bottom"), block("upper", (0.1, 0.9), (1.0, 1.8), 3, D="top")
+    joint = sc.Contact(
+        upper.surface("bottom"), lower.surface("top"), friction=sc.Coulomb(0.2), name="joint"
+    )
+    floor = sc.Contact(lower.surface("left"), sc.RigidPlane((0, 0), (1, 0)), name="wall")
+    step = [{"x": {"upper": {"top": (-0.02, -0.01)}}}]
+    found = []
+    for linear in ("condensed", sc.Direct()):
+        solver = sc.ContactSolver([lower, upper], [joint, floor], linear=linear)
+        by = [sc.Parameter("friction"), sc.Parameter("interference", of="wall")]
+        weights = {"joint": {"force": (1.0, 0.0)}, "wall": {"pressure": np.ones(5)}}
+        found.append(solver.gradient(lambda r: (0.0, [weights]), step, by=by).vector)  # noqa: B023
+    assert np.all(np.abs(found[0]) > 0)
+    assert_allclose(*found, rtol=1e-9)
+
+
+def test_a_body_that_friction_alone_holds():
+    """Its rigid motions are found with its loads; and a pickled result has the same derivatives."""
+    state = State(4, 2)
+    low = sc.Body(state.bases[0], state.K[0], D="bottom", name="low")
+    up = sc.Body(state.bases[1], state.K[1], f={"top": (0.001, -0.01)}, name="up")
+    joint = sc.Contact(up.surface("bottom"), low.surface("top"), friction=sc.Coulomb(0.4), name="joint")
+    solver = sc.ContactSolver([low, up], joint)
+    result, h = solver.solve(), 1e-5
+    assert {1, 2} <= set(result.status)
+    less, more = (solver.solve(f={"up": 1 + side * h}) for side in (-1, 1))
+    found = result.sensitivity("load")
+    assert_allclose(found.u, (more.u - less.u) / (2 * h), atol=CLOSE * np.abs(found.u).max())
+    backwards = solver.gradient(lambda r: (0.0, [{"u": np.ones(len(r[0].u))}]), [1.0], by="load")
+    assert_allclose(backwards.parts[0], found.u.sum(), rtol=1e-12)
+    travelled = pickle.loads(pickle.dumps(result)).sensitivity("load")
+    assert_allclose(travelled.pressure, found.pressure, rtol=1e-12, atol=1e-14)
+    assert travelled.dissipation == pytest.approx(found.dissipation, rel=1e-9)
+
+
+# -- what has none --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Bare(sc.FrictionLaw):
+    def limit(self, normal_force, area, slip):
+        return 0.3 * normal_force
+
+
+REFUSED = {
+    "slides far": {"friction": sc.Coulomb(0.3), "sliding": "finite"},
+    "surfaces wear": {"friction": sc.Coulomb(0.3), "wear": sc.Archard(1e-3)},
+    r"law Bare .* no slopes of its own": {"friction": Bare()},
+}
+
+
+def pressed(**contact):
+    body = block("block", D="top")
+    return sc.ContactSolver(body, sc.Contact(body.surface("bottom"), FLOOR, name="foot", **contact))
+
+
+FLOOR = sc.RigidPlane((0, 0), (0, 1), name="floor")
+STEP = {"x": {"block": {"top": (0.002, -0.01)}}}
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_what_has_no_derivative_is_refused(words):
+    """With the reason in words."""
+    [result] = pressed(**REFUSED[words]).history([STEP])
+    with pytest.raises(sc.InputError, match=words):
+        result.linearized  # noqa: B018
+
+
+def test_bolts_and_internal_variables_are_refused():
+    """What is handed on from step to step, and not differentiated."""
+    with pytest.raises(sc.InputError, match="stretch of bolts"):
+        upright()[0].sensitivity("load")
+    basis = rectangle(np.linspace(0, 2, 5), np.linspace(0, 1, 3))
+    body = sc.NonlinearBody(basis, sc.J2(1.0, 0.3, 0.1), D="top", name="block")
+    solver = sc.ContactSolver(body, sc.Contact(body.surface("bottom"), FLOOR, interference=1e-4))
+    with pytest.raises(sc.InputError, match="internal variables"):
+        solver.solve().sensitivity("interference")
+
+
+def test_wrong_questions_are_refused():
+    """Parameters, objectives and sides that make no sense say what is meant."""
+    solver = pressed(friction=sc.Coulomb(0.3))
+    [result] = solver.history([STEP])
+    cases = {
+        "may be one of friction": lambda: result.sensitivity("colour"),
+        "no such contact; there are 'foot'": lambda: result.sensitivity(sc.Parameter("gap", of="feet")),
+        "needed there": lambda: sc.Parameter("scene"),
+        "it has no `along`": lambda: sc.Parameter("gap", along=1.0, field=True),
+        "give the direction": lambda: sc.Parameter("motion"),
+        "is many numbers": lambda: result.sensitivity(sc.Parameter("gap", field=True)),
+        "side = 2": lambda: result.sensitivity("gap", side=2),
+        "after is by": lambda: result.sensitivity("gap", after=result.sensitivity("friction")),
+        r"has shape \(3,\), not \(5,\)": lambda: result.sensitivity("gap").dot({"gap": np.ones(3)}),
+        "name 'heat'": lambda: result.sensitivity("gap").dot({"heat": 1.0}),
+        r"return \(value, derivatives\)": lambda: solver.gradient(lambda r: 1.0, [STEP], by="gap"),
+        "1 results": lambda: solver.gradient(lambda r: (1.0, []), [STEP], by="gap"),
+        "by is empty": lambda: solver.gradient(lambda r: (1.0, [None]), [STEP], by=[]),
+        "steps are empty": lambda: solver.gradient(lambda r: (1.0, []), [], by="gap"),
+        "for gradient": lambda: solver.jacobian(
+            lambda r: ([1.0], [None]), [STEP], by=sc.Parameter("gap", field=True)
+        ),
+    }
+    for words, ask in cases.items():
+        with pytest.raises(sc.InputError, match=words):
+            ask()
+    smooth = pressed().solve(x={"block": {"top": (0.0, -0.01)}})
+    with pytest.raises(sc.InputError, match="without friction nothing tangential"):
+        smooth.sensitivity("gap").slip  # noqa: B018
+
+
+# -- many -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_two_hundred_random_states():
+    """Plane and solids, one and four steps, mortar and node to segment, open points included."""
+    plane, solids = off(range(140), 2), off(range(60), 3)
+    for by in NUMBERS:
+        known = [w for w in plane[by] + solids[by] if w is not None]
+        assert len(known) > 180  # in the others a point changes within the width
+        assert max(known) < CLOSE, by
+
+
+@pytest.mark.slow
+def test_twenty_kinks():
+    """Each side's own derivative, where points begin to slip, stick, open and close."""
+    found = kinked(range(14), 0, 0.006, same_status) + kinked(range(4, 14), 1, 0.004, still_open)
+    assert len(found) >= 20
+    assert max(found) < CLOSE
+
+
+@pytest.mark.slow
+def test_a_gradient_costs_less_than_a_history():
+    """By 7 300 numbers, the interference of every point in each of 50 steps, at 12 000 DOFs."""
+    bases = (
+        rectangle(np.linspace(-1, 1, 121), np.linspace(-1, 0, 23)),
+        rectangle(np.linspace(-1, 1, 146), np.linspace(0, 1, 22)),
+    )
+    steel = linear_elasticity(1.0, 0.7)
+    low, up = (
+        sc.Body(basis, steel, D=D, name=name)
+        for basis, D, name in zip(bases, ("bottom", "top"), ("low", "up"), strict=True)
+    )
+    joint = sc.Contact(
+        up.surface("bottom"),
+        low.surface("top"),
+        friction=sc.Coulomb(0.4),
+        gap=lambda x: 0.02 * x[0] ** 2,
+        name="joint",
+    )
+    solver = sc.ContactSolver([low, up], joint)
+    turns = 0.004 * np.sin(np.linspace(0, 2 * np.pi, 51)[1:])
+    steps = [{"x": {"up": {"top": (turn, -0.012)}}} for turn in turns]
+    by = sc.Parameter("interference", field=True, each_step=True)
+
+    def objective(results):
+        return 0.0, [{"pressure": 2 * r.pressure, "slip": r.slip} for r in results]
+
+    assert solver.gradient(objective, steps, by=by).parts[0].shape == (50, 146)
+    more = []
+    for _ in range(7):
+        begin = time.process_time()
+        list(solver.history(steps))
+        middle = time.process_time()
+        solver.gradient(objective, steps, by=by)
+        more.append((time.process_time() - middle) / (middle - begin))
+    assert np.median(more) < 1.5  # the history itself is in it; measured 1.2 to 1.3

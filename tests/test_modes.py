@@ -1,0 +1,256 @@
+"""Vibration about a state of contact: closed forms, whole bodies, and matrices made otherwise."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+import skfem as fem
+from bolted import clamped, parts
+from numpy.testing import assert_allclose
+from rectangles import rectangle
+from scipy.linalg import eigh
+from scipy.sparse import csr_matrix
+
+import skfem_contact as sc
+
+STEEL = sc.Elastic(1.0, 0.3, density=2.0)
+LENGTH = 4.0
+
+
+def bar(x0, x1, cells, material=STEEL, height=(0.0, 1.0), **settings):
+    """A plane bar, one of whose ends is held as a rule."""
+    basis = rectangle(np.linspace(x0, x1, cells + 1), np.linspace(*height, 5))
+    return sc.Body(basis, material, **settings)
+
+
+def apart(body):
+    """A contact far away, for bodies that touch nothing."""
+    return sc.Contact(body.surface("bottom"), sc.RigidPlane((0, -9), (0, 1), name="floor"), name="far")
+
+
+def alone(body, n):
+    """Modes of one body."""
+    solver = sc.ContactSolver(body, apart(body))
+    return solver.modes(solver.solve(), n)
+
+
+def frequencies(K, M, n):
+    """Of two matrices, by LAPACK."""
+    K, M = (A.toarray() if hasattr(A, "toarray") else A for A in (K, M))
+    squares = eigh(K, M, eigvals_only=True, subset_by_index=[0, n - 1])
+    return np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi)
+
+
+def test_glued_halves_are_the_whole():
+    """With matching meshes to 1e-10, rigid motions of what floats included."""
+    for D in ("left", None):
+        halves = bar(0, 2, 8, D=D, name="a"), bar(2, LENGTH, 8, name="b")
+        glue = sc.Contact(halves[1].surface("left"), halves[0].surface("right"), tied=True)
+        whole, solver = bar(0, LENGTH, 16, D=D, name="whole"), sc.ContactSolver(halves, glue)
+        found, wanted = solver.modes(solver.solve(), 6), alone(whole, 6)
+        assert_allclose(found.frequency, wanted.frequency, rtol=1e-10)
+        assert np.count_nonzero(found.frequency == 0) == (0 if D else 3)
+        assert not found.growth.any()
+
+
+def test_frictionless_halves_are_one_half_on_rollers_or_free():
+    """Mirrored halves: pressures that vibrate hold one half like a wall, or there are none."""
+    width = bar(0, 1, 5, D="left", name="free"), bar(0, 1, 5, D="left", name="held")
+    halves = width[0], bar(1, 2, 5, D="right", x={"right": (-0.01, 0.0)}, name="other")
+    joint = sc.Contact(halves[1].surface("left"), halves[0].surface("right"), method="node")
+    solver = sc.ContactSolver(halves, joint)
+    found = solver.modes(solver.solve(), 8).frequency
+    K, M = width[1].K, width[1].mass
+    free = np.setdiff1d(np.arange(width[1].n), width[1].D)
+    rolling = np.setdiff1d(free, width[1].basis.get_dofs("right").all("u^1"))
+    both = [frequencies(K[I][:, I], M[I][:, I], 8) for I in (free, rolling)]
+    assert_allclose(found, np.sort(np.concatenate(both))[:8], rtol=1e-10)
+
+
+def test_two_pressed_rods_sound_as_one():
+    """``c k / 2 L`` between two walls, to the order h^2 of the elements."""
+    errors = []
+    for cells in (10, 20):
+        rods = []
+        for k, name in enumerate(("one", "two")):
+            rod = bar(2 * k, 2 * k + 2, cells, sc.Elastic(1.0, 0.0, density=2.0), name=name)
+            side = rod.basis.get_dofs("left" if k == 0 else "right").all()
+            D = np.union1d(side, rod.basis.get_dofs(elements=True).all("u^2"))
+            x = np.zeros(rod.n)
+            x[np.intersect1d(side, rod.basis.get_dofs(elements=True).all("u^1"))] = -0.01 * k
+            rods.append(sc.Body(rod.basis, rod.K, D=D, x=x, mass=rod.mass, name=name))
+        joint = sc.Contact(rods[1].surface("left"), rods[0].surface("right"))
+        solver = sc.ContactSolver(rods, joint)
+        wanted = np.sqrt(1 / 2.0) * np.arange(1, 4) / (2 * LENGTH)
+        found = solver.modes(solver.solve(), 20).frequency
+        nearest = [found[np.argmin(np.abs(found - f))] for f in wanted]
+        errors.append(np.abs(np.array(nearest) / wanted - 1))
+    assert errors[1].max() < 1e-2
+    assert_allclose(errors[0] / errors[1], 4.0, rtol=0.1)
+
+
+def pressed(mu=0.2, push=0.008, **settings):
+    """A block on another one, partly open, slipping at its edges."""
+    low = bar(0, 4, 9, D="bottom", height=(-1.0, 0.0), name="low")
+    up = bar(1, 3, 7, D="top", x={"top": (push, -0.02)}, name="up")
+    joint = sc.Contact(
+        up.surface("bottom"),
+        low.surface("top"),
+        friction=sc.Coulomb(mu),
+        gap=lambda x: 0.02 * (x[0] - 2) ** 2,
+        name="joint",
+        **settings,
+    )
+    solver = sc.ContactSolver([low, up], joint)
+    return solver, solver.solve()
+
+
+def by_null_space(solver, status, slipping, n):
+    """Frequencies by rows of the constraints and LAPACK, without an elimination; and the mass."""
+    system, kin = solver.system, solver.kin
+    M = np.zeros((system.n, system.n))
+    for body in system.bodies:
+        M[system.slice(body), system.slice(body)] = body.mass.toarray()
+    held = np.repeat(status == 1 if slipping == "free" else status > 0, kin.tangents)
+    rows = [kin.B_n[status > 0].toarray(), kin.B_t[held].toarray(), np.eye(system.n)[system.D]]
+    _, s, V = np.linalg.svd(np.concatenate(rows))
+    Z = V[np.count_nonzero(s > 1e-10) :].T  # a basis of all that the constraints leave free
+    return frequencies(Z.T @ system.K @ Z, Z.T @ M @ Z, n), M
+
+
+@pytest.mark.parametrize("slipping", ["stuck", "free"])
+def test_modes_are_those_of_reduced_matrices(slipping):
+    """Ten modes to 1e-8, with a unit mass, and the fewer points move the higher."""
+    solver, result = pressed()
+    assert set(result.status) == {0, 1, 2}
+    found = solver.modes(result, 10, slipping=slipping)
+    wanted, M = by_null_space(solver, result.status, slipping, 10)
+    assert_allclose(found.frequency, wanted, rtol=1e-8)
+    assert_allclose(found.shapes @ M @ found.shapes.T, np.eye(10), atol=1e-8)
+    assert np.all(found.frequency <= solver.modes(result, 10).frequency * (1 + 1e-12))
+
+
+def test_bolts_are_locked():
+    """A tightened bolt vibrates as it is, without the section that slid while it was tightened."""
+    steel = sc.Elastic(210e3, 0.3, density=7.85e-9)
+    solver = clamped(parts(fem.MeshHex), form=steel)
+    [tight] = solver.history([{"bolt": {"M": {"force": 8e3}}}])
+    assert 0 < np.count_nonzero(np.concatenate([v.status for v in tight])) < solver.kin.m
+    found = solver.modes(tight, 5, slipping="free")
+    wanted = by_null_space(solver, np.concatenate([v.status for v in tight]), "free", 5)
+    assert_allclose(found.frequency, wanted[0], rtol=1e-8)
+
+
+def model(mu):
+    """One node that slides on a floor, a second that is free along it: two DOFs."""
+    basis = fem.Basis(fem.MeshQuad().with_defaults(), fem.ElementVector(fem.ElementQuad1()))
+    at = {
+        (x, y): np.flatnonzero(((x, y) == basis.mesh.p.T).all(axis=1))[0]
+        for x in (0, 1)
+        for y in (0, 1)
+    }
+    x, y, q = (*basis.nodal_dofs[:, at[0, 0]], basis.nodal_dofs[0, at[0, 1]])
+    K = np.diag(np.full(8, 9.0))
+    K[x, x], K[q, q], K[x, q], K[y, q], K[q, y] = 1.2, 0.8, 0.1, 30 / 13, 30 / 13
+    K[q, x] = K[x, q]
+    f = np.zeros(8)
+    f[y], f[x] = -1e-3, -3e-3
+    D = np.setdiff1d(np.arange(8), [x, y, q])
+    up = np.zeros(8)
+    up[basis.nodal_dofs[1, at[1, 0]]] = 1e-3  # the other node of the surface is held, and open
+    body = sc.Body(basis, csr_matrix(K), f, D=D, x=up, mass=np.eye(8))
+    floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    foot = sc.Contact(
+        body.surface("bottom"), floor, friction=sc.Coulomb(mu), method="node", name="foot"
+    )
+    solver = sc.ContactSolver(body, foot)
+    result = solver.solve()
+    assert sorted(result.status) == [0, 2]
+    return solver.modes(result, 2, slipping="steady")
+
+
+def test_two_modes_lock_in_where_the_closed_form_says():
+    """Two DOFs: ``(a - d)^2 / 4 + b^2 = mu k b`` at mu = .2166667, from where on one mode grows."""
+    critical = 13 / 60  # ((1.2 - .8)^2 / 4 + .1^2) / (30 / 13 * .1)
+    for mu in (critical - 1e-6, critical + 1e-6):
+        found = model(mu)
+        grows = found.growth.max() > 1e-5
+        assert grows == (mu > critical)
+    above = model(0.3)
+    lost = np.sqrt(0.3 * 30 / 13 * 0.1 - 0.05)  # of (1 +- i lost) = - s^2
+    turns = np.sqrt(-(1.0 - 1j * lost))
+    assert_allclose(above.growth, [abs(turns.real), -abs(turns.real)], rtol=1e-10)
+    assert_allclose(above.frequency, abs(turns.imag) / (2 * np.pi), rtol=1e-10)
+    assert "grows by" in str(above) and np.iscomplexobj(above.shapes)
+
+
+def test_sliding_without_friction_is_free():
+    """Steady sliding as friction falls: the modes of free points; and beyond ARPACK those of LAPACK."""
+    solver, result = pressed(mu=1e-9, push=0.02)
+    assert set(result.status) == {0, 2}
+    steady, free = (solver.modes(result, 5, slipping=how) for how in ("steady", "free"))
+    assert_allclose(steady.frequency, free.frequency, rtol=1e-7)
+
+
+def test_units_and_travel_do_not_change_modes():
+    """In other units of mass and length; of a result and bodies that were pickled."""
+    solver, result = pressed()
+    wanted = solver.modes(result, 4).frequency
+    heavy = sc.Elastic(1.0, 0.3, density=2e12)
+    assert_allclose(alone(bar(0, 4, 8, heavy), 6).frequency, 1e-6 * alone(bar(0, 4, 8), 6).frequency)
+    again, same = pickle.loads(pickle.dumps((solver, result)))
+    assert_allclose(again.modes(same, 4).frequency, wanted, rtol=1e-10)
+
+
+def test_densities_forms_and_matrices_are_one_mass():
+    """What is given as a density, a form or a matrix, with a thickness; a scalar body too."""
+    basis = rectangle(np.linspace(0, 2, 5), np.linspace(0, 1, 3))
+    form = fem.BilinearForm(lambda u, v, w: 6.0 * np.sum(np.asarray(u) * np.asarray(v), axis=0))
+    made = [
+        sc.Body(basis, STEEL, measure=lambda x: 3.0 + 0 * x[0], mass=2.0).mass,
+        sc.Body(basis, STEEL, measure=lambda x: 3.0 + 0 * x[0]).mass,
+        sc.Body(basis, STEEL, mass=form).mass,
+        sc.Body(basis, STEEL, mass=form.assemble(basis)).mass,
+        sc.Body.from_mesh(basis.mesh, basis.elem, STEEL, mass=6.0, intorder=2).mass,
+        sc.NonlinearBody(basis, STEEL, mass=6.0).mass,
+    ]
+    for mass in made:
+        assert_allclose(mass.toarray(), made[0].toarray(), atol=1e-14)
+        assert mass.sum() == pytest.approx(6.0 * 2 * 2, rel=1e-12)  # twice, by components
+    assert sc.Body(basis, sc.Elastic(1.0, 0.3)).mass is None
+
+
+def test_shapes_are_drawn_and_written(tmp_path):
+    """As displacements in the place of those of the result."""
+    meshio = pytest.importorskip("meshio")
+    solver, result = pressed()
+    found = solver.modes(result, 2)
+    shape = 0.1 * found.shapes[1] / np.abs(found.shapes[1]).max()
+    path, _ = sc.write(tmp_path / "mode.vtu", result, u=shape)
+    written = meshio.read(path).point_data["displacement"][:, :2]
+    assert np.abs(written).max() == pytest.approx(0.1)
+    assert found.displacement(1, "up").shape == (result.system.bodies[1].n,)
+    ax = sc.plot_deformed(result, 1.0, u=shape)
+    assert ax.get_title()
+    assert np.abs(result.u).max() != pytest.approx(0.1)
+    with pytest.raises(sc.InputError, match=r"u has shape \(3,\)"):
+        sc.plot_deformed(result, u=np.ones(3))
+
+
+def test_wrong_questions_are_refused():
+    """Masses and numbers that are missing or make no sense."""
+    solver, result = pressed()
+    bare = bar(0, 4, 8, sc.Elastic(1.0, 0.3), name="bare")
+    cases = {
+        r"slipping='away'; slipping points may be stuck": lambda: solver.modes(result, slipping="away"),
+        "n = 0": lambda: solver.modes(result, 0),
+        "modes of .* DOFs that are free": lambda: solver.modes(result, 10**4),
+        "no mass is given of 'bare'": lambda: alone(bare, 2),
+        "by volume is positive": lambda: bar(0, 1, 2, mass=-1.0).mass,
+        "give the mass by volume": lambda: bar(0, 1, 2, mass="heavy").mass,
+    }
+    for words, ask in cases.items():
+        with pytest.raises(sc.InputError, match=words):
+            ask()
