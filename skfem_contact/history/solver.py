@@ -676,7 +676,7 @@ class ContactSolver(Variants):
         check_kind(result, ContactResult, "result", "give one of solve() or history()")
         return modes(result._answer, self._stiffness, n, slipping)
 
-    @known_keywords(**OF_SOLVER, **OF_STEP)
+    @known_keywords(**OF_SOLVER)
     def gradient(
         self,
         objective: Callable[[list[ContactResult]], Any],
@@ -733,7 +733,7 @@ class ContactSolver(Variants):
 
         return gradient(self, objective, steps, by, start)
 
-    @known_keywords(**OF_SOLVER, **OF_STEP)
+    @known_keywords(**OF_SOLVER)
     def jacobian(
         self,
         observe: Callable[[list[ContactResult]], Any],
