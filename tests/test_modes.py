@@ -254,3 +254,24 @@ def test_wrong_questions_are_refused():
     for words, ask in cases.items():
         with pytest.raises(sc.InputError, match=words):
             ask()
+
+
+def test_a_stretched_band_sounds_higher():
+    """Modes of a body that is not linear are those of its tangent at the answer, stresses included."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 4, 17), np.linspace(0, 0.25, 3)).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad2()))
+    rubber = sc.NeoHooke(shear=1.0, bulk=5.0)
+    band = sc.NonlinearBody(basis, rubber, D=["left", "right"], mass=1.0, name="band")
+    floor = sc.RigidPlane((0, -1), (0, 1), name="floor")
+    contact = sc.Contact(band.surface("bottom"), floor)
+    solver = sc.ContactSolver(band, contact)
+    first = []
+    for stretch in (0.0, 0.4):
+        result = solver.solve(x={"band": {"right": (stretch, 0.0)}})
+        found = solver.modes(result, 3)
+        free = np.setdiff1d(np.arange(band.n), band.D)
+        K = band.linearize(result.u, band.initial_state).K[free][:, free].toarray()
+        squares = eigh(K, band.mass[free][:, free].toarray(), eigvals_only=True)[:3]
+        np.testing.assert_allclose(found.frequency, np.sqrt(squares) / (2 * np.pi), rtol=1e-8)
+        first.append(found.frequency[0])
+    assert first[1] > 1.5 * first[0]

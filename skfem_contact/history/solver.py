@@ -674,7 +674,10 @@ class ContactSolver(Variants):
         from skfem_contact.answers.tangent.modes import modes
 
         check_kind(result, ContactResult, "result", "give one of solve() or history()")
-        return modes(result._answer, self._stiffness, n, slipping)
+        answer = result._answer
+        # with bolts locked; of bodies that are not linear the tangent at the answer
+        pairs = zip(self.system.bodies, self._stiffness, answer.stiffness, strict=True)
+        return modes(answer, [K if body.nonlinear else own for body, own, K in pairs], n, slipping)
 
     @known_keywords(**OF_SOLVER)
     def gradient(
