@@ -96,7 +96,7 @@ def test_reduction_follows_the_zone(space: PointSpace) -> None:
 def test_one_reduction_serves_many_loads(space: PointSpace) -> None:
     """As long as the zone does not grow, nothing is inverted again until open points cost as much."""
     zones, draws = zones_of(space), []
-    few = [conditions(np.arange(k, 10)) for k in (4, 5)]  # 8 more than the 10 are in the zone at first
+    few = [conditions(np.arange(k, k + 5)) for k in (4, 5)]  # 8 more than the 10 are in it at first
     for seed in range(40):
         case, here = few[seed % 2] if seed else conditions(np.arange(10)), load(seed)
         z, *_ = space.unknowns(case, here)
@@ -104,7 +104,7 @@ def test_one_reduction_serves_many_loads(space: PointSpace) -> None:
         assert_allclose(found, z, rtol=0, atol=1e-13 * abs(z).max())
         if zones._part not in draws:
             draws.append(zones._part)
-    # 13 open points in vain cost one factorisation more than the inverse of 13 points; then 8 are spare
+    # 13 open points, of which a new zone has 8, cost more than the inverse of 13 at the second time
     assert [zone.count for zone in draws] == [18, 13]
 
 

@@ -117,7 +117,8 @@ class Condensed:
         W = np.zeros((G.shape[0], G.shape[0]))
         for part, span in zip(self.substructures, self.kept_spans, strict=True):
             delassus_compliance(W, columns_of(G, span), part.flexibility)
-        symmetrise(W)
+        for rows in blocks(len(W)):  # all else is written twice
+            symmetrise(W[rows, rows])
         return W
 
     def components(self, f: Array, x: Array) -> tuple[Components | None, ...]:

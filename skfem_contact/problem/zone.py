@@ -48,8 +48,8 @@ Index = NDArray[np.intp]
 class Zones:
     """The zone of one solve at a time, drawn anew where it is too small or has become too large.
 
-    Points that are in it though they are open cost time in every factorisation, and to draw the zone
-    anew costs an inverse. It is drawn anew once they have cost as much: at most twice the least.
+    Open points beyond those that a new zone would have cost time in every factorisation, and to draw it
+    costs an inverse. It is drawn once they have cost as much: at most twice the least.
     """
 
     def __init__(self, compliance: Compliance) -> None:
@@ -59,7 +59,7 @@ class Zones:
         self._part: Zone | None = None
         self._all: Zone | None = None
         self._last: Array | None = None
-        self._spent = 0.0  # on points that are open [operations]
+        self._spent = 0.0  # on open points that a new one would not have [operations]
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Gaps, slips and forces under these conditions."""
@@ -87,9 +87,10 @@ class Zones:
         count = np.count_nonzero(needed)
         asked = count + max(FEWEST, int(SPARE * count))
         if now is not None and now.keeps(needed):
-            slide = (rows - 1.0) * np.count_nonzero(needed & ~conditions.stick)
-            self._spent += ((now.count - count) * rows + slide) ** 3 - slide**3
-            if now.count <= asked or self._spent <= (asked * rows) ** 3:
+            free = np.array([now.count, asked]) - count + 0.0
+            free = free * rows + (rows - 1) * np.count_nonzero(needed & ~conditions.stick)
+            self._spent += max(free[0] ** 3 - free[1] ** 3, 0.0)
+            if self._spent <= (asked * rows) ** 3:
                 return now if now.good else self.whole()
         gap = np.where(needed, -np.inf, load.gap0 if self._last is None else self._last)
         keep = needed.copy()
