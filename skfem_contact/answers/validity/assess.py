@@ -127,6 +127,7 @@ class Assessment:
         self.result, self.system = result, result.system
         self.solids: dict[str, Body] = {n: b for n, b in self.system.solids.items() if b.components > 1}
         self.lockable = lockable(result)
+        self.meetings = dict(result.diagnostics.meetings)
         self._known: dict[tuple[str, Any], Any] = {}
 
     # -- bodies -------------------------------------------------------------------------------
@@ -218,9 +219,13 @@ class Assessment:
             return ""
         return crossing_words(found, *(side.label for side in sides))
 
-    @_once
     def meeting(self, i: int) -> Meeting:
-        """How the deformed boundaries meet."""
+        """How the deformed boundaries meet; the step may have measured it."""
+        if i not in self.meetings:
+            self.meetings[i] = self._met(i)
+        return self.meetings[i]
+
+    def _met(self, i: int) -> Meeting:
         result, system = self.result, self.system
         contact, part, track = result.contacts[i], result.slices()[i], result.diagnostics.tracks[i]
         secondary = contact.secondary

@@ -150,21 +150,32 @@ class Boundary:
     def distance(self, points: Array) -> Array:
         """Distances of points from the boundary, shape (p,) [length]."""
         tree, radius = self._tree
-        first = tree.nearest(points)
+        middle = tree.points
+        near = self._met_by(points, 0.0)  # where points are, or any will do for a bound
+        first = near[Tree(middle[near]).nearest(points)]
         out = _to_simplices(points, self.corners[first])
-        out = np.minimum(out, np.linalg.norm(points - tree.points[first], axis=1))
-        candidates = tree.query_ball_point(points, out + radius.max())
+        out = np.minimum(out, np.linalg.norm(points - middle[first], axis=1))
+        near = self._met_by(points, np.max(out, initial=0.0))
+        candidates = Tree(middle[near]).query_ball_point(points, out + np.max(radius[near]))
         count = np.array([len(found) for found in candidates], dtype=np.intp)
         for some in np.array_split(np.arange(len(points)), 1 + count.sum() // PAIRS_AT_ONCE):
             if not len(some):
                 continue
             row = np.repeat(some, count[some])
-            which = np.concatenate([np.asarray(candidates[k], dtype=np.intp) for k in some])
-            away = np.linalg.norm(points[row] - tree.points[which], axis=1)
-            near = away <= out[row] + radius[which]  # of one simplex: they differ in size
-            row, which = row[near], which[near]
+            which = near[np.concatenate([np.asarray(candidates[k], dtype=np.intp) for k in some])]
+            away = np.linalg.norm(points[row] - middle[which], axis=1)
+            meets = away <= out[row] + radius[which]  # of one simplex: they differ in size
+            row, which = row[meets], which[meets]
             np.minimum.at(out, row, _to_simplices(points[row], self.corners[which]))
         return out
+
+    def _met_by(self, points: Array, distance: float) -> Index:
+        """Simplices whose boxes meet that of points, or are no farther from it; all if none does."""
+        low = points.min(axis=0, initial=np.inf) - distance
+        high = points.max(axis=0, initial=-np.inf) + distance
+        x = self.corners
+        met = np.all((x.min(axis=1) <= high) & (x.max(axis=1) >= low), axis=1)
+        return np.flatnonzero(met if met.any() else ~met)
 
     def depth(self, points: Array) -> Array:
         """How deep points lie inside, zero outside, shape (p,) [length]."""
