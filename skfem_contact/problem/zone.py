@@ -54,6 +54,7 @@ class Zones:
 
     def __init__(self, compliance: Compliance) -> None:
         self.compliance = compliance
+        self._has_gap, self._rows = compliance.normal_rows >= 0, 1 + compliance.tangential_rows.shape[1]
         self._key: object = None
         self._chosen: Zone | None = None  # for the conditions of this key
         self._part: Zone | None = None
@@ -82,7 +83,7 @@ class Zones:
         whole, now = self.compliance, self._part
         if not whole.stable:
             return self.whole()
-        has_gap, rows = whole.normal_rows >= 0, 1 + whole.tangential_rows.shape[1]
+        has_gap, rows = self._has_gap, self._rows
         needed = conditions.closed & has_gap
         count = np.count_nonzero(needed)
         asked = count + max(FEWEST, int(SPARE * count))
@@ -197,7 +198,7 @@ class Zone:
     def __init__(self, whole: Compliance, keep: Mask | None = None, refuses: bool = False) -> None:
         normal, tangential, q = whole.normal_rows, whole.tangential_rows, whole.q
         self.left = keep is not None
-        self._normal, self._tangential, self.good = normal, tangential, True
+        self.good = True
         self.keep = np.ones(len(normal), dtype=bool) if keep is None else keep
         self._dropped, self.count = ~self.keep, np.count_nonzero(self.keep)
         on = None
@@ -212,6 +213,8 @@ class Zone:
             self.rest = np.setdiff1d(np.arange(q), rows)
             q = len(rows)
             self._across = whole.W[np.ix_(self.rest, on)]
+            self._left = np.flatnonzero(self._dropped)
+            self._left_rows = whole.normal_rows[self._left], whole.tangential_rows[self._left]
         A = whole.inverse(on, refuses)
         self._A_zq, self._A_qq = A[:q, q:].copy(), A[q:, q:].copy()
         try:
@@ -251,9 +254,9 @@ class Zone:
             full = np.zeros(len(self.rows) + len(self.rest) + 1)  # the last for rows of -1
             full[self.rows] = z
             full[self.rest] = load.moved[self.rest] + self._across.dot(np.append(found.p, q))
-            left, z = self._dropped, full[:-1]
-            response.gap[left] += full[self._normal[left]]
-            response.slip[left] += full[self._tangential[left]]
+            z, (normal, tangential) = full[:-1], self._left_rows
+            response.gap[self._left] += full[normal]
+            response.slip[self._left] += full[tangential]
         response.solution = np.append(z, q) if len(q) else z
         return response
 
