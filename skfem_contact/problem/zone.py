@@ -30,7 +30,6 @@ from skfem_contact.linalg.dense_factors import (
     cholesky,
     divide,
     lu,
-    subtract_product,
     symmetrise,
 )
 from skfem_contact.linalg.singular import SingularMatrix
@@ -332,9 +331,8 @@ def without_anchors(A: Array, A_zq: Array, rigid: DenseFactors) -> Array:
     if len(A) == q:
         return A
     # the rows close up, from the first one on: NumPy copies what is not in one piece for every product
-    S = A.reshape(-1)[: q * q].reshape(q, q)
+    S, moved = A.reshape(-1)[: q * q].reshape(q, q), rigid.solve(A_zq.T)
     for rows in blocks(q):
-        S[rows] = A[rows, :q]
-    subtract_product(S, A_zq, rigid.solve(A_zq.T))
+        S[rows] = A[rows, :q] - A_zq[rows] @ moved
     symmetrise(S)
     return S
