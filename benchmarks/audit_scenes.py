@@ -341,7 +341,7 @@ ROWS = (
         (
             "conditions/friction:limit",
             "conditions/friction:slope",
-            "loops/complementarity:Projection._slipping",
+            "loops/complementarity:_slipping",
         ),
         tangential,
     ),

@@ -153,8 +153,9 @@ class Projection:
             missing = np.where(was_slip & step.exact, bound - along, 0.0)
             trial = trial + missing[:, None] * current.direction
         size = lengths(trial)
-        # what is open has no status to keep
-        slack = self.nothing * (was_stick.astype(float) - was_slip)
+        # what is open has no status to keep; what slips back by more than the round-off of slips sticks
+        back = np.minimum(self.nothing, ROUND_OFF * largest_length(self.moved) * self.rho.tangential)
+        slack = self.nothing * was_stick - back * was_slip
         if not step.all_exact:
             slack -= np.where(was_slip, trial_round_off(step, response), 0.0)
         slips = (size > bound + slack) & step.frictional
@@ -207,20 +208,18 @@ class Projection:
         direction.
         """
         step, response, rho, scale = self.step, self.response, self.rho, self.force_scale
-        normal, tangential = self.left_over
-        left = np.maximum(np.abs(normal), lengths(tangential))
+        normal, tangential = (np.abs(self.left_over[0]), lengths(self.left_over[1]))
         slip_scale = largest_length(self.moved)
-        known = ROUND_OFF * np.maximum(rho.normal * self.gap_scale, rho.tangential * slip_scale)
         allowed = max(step.noise, tolerance * scale)
-        if step.all_exact:
-            wrong = left > np.maximum(known, allowed)
-        else:
+        wrong = normal > np.maximum(ROUND_OFF * self.gap_scale * rho.normal, allowed)
+        known = ROUND_OFF * slip_scale * rho.tangential
+        if not step.all_exact:
             known = np.maximum(known, trial_round_off(step, response))
             sticks = (current.status == STICK) & step.frictional & ~step.exact
-            over = lengths(response.tangential_force) - step.friction.bound(
-                response.normal_force, response.slip
-            )
-            wrong = (left > np.maximum(known, allowed)) | sticks & (over > allowed)
+            bound = step.friction.bound(response.normal_force, response.slip)
+            wrong |= sticks & (lengths(response.tangential_force) - bound > allowed)
+        wrong |= tangential > np.maximum(known, allowed)
+        left = np.maximum(normal, tangential)
         if scale <= step.noise:
             return wrong, 0.0
         if slip_scale > 0.0 and not np.count_nonzero(wrong):

@@ -156,6 +156,7 @@ def resistance_by(W: Array, normal_rows: Index, tangential_rows: Index) -> Resis
         normal_rows[:, None],
         tangential_rows if (tangential_rows >= 0).any() else normal_rows[:, None],
     )
+    W = W if W.size else np.zeros((1, 1))  # whose last row is looked at for points that have none
     normal, tangential = (
         np.where((on[:, :, None] >= 0) & (on[:, None, :] >= 0), W[on[:, :, None], on[:, None, :]], 0.0)
         for on in rows

@@ -123,7 +123,8 @@ def test_X5_raous_block_with_large_friction(mu, refused):
     last = np.flatnonzero(status)[-1]
     assert last < len(status) - 1 and not status[last + 1 :].any()
     assert (status[: last - 1] == 1).all()
-    assert result.certificate.worst < 1e-12
+    # bounds are round-off of pressures, times the coefficient
+    assert result.certificate.worst < max(1e-12, 1e-16 * mu)
 
 
 @pytest.mark.every_value
