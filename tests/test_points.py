@@ -108,6 +108,33 @@ def test_one_reduction_serves_many_loads(space: PointSpace) -> None:
     assert [zone.count for zone in draws] == [18, 13]
 
 
+def test_points_without_rows_are_in_no_zone(space: PointSpace) -> None:
+    """Half of the points have no partner: the others have a zone of their own size, not the whole."""
+    rows = (
+        np.where(np.arange(m) < 30, np.arange(m), -1),
+        np.where(np.arange(m) < 30, 30 + np.arange(m), -1),
+    )
+    few = PointSpace(space.S[:60, :60].copy(), rows[0], rows[1][:, None])
+    case, here, zones = conditions(np.arange(10)), load(), zones_of(few)
+    here = replace(here, force=here.force[:60])
+    z, *_ = few.unknowns(case, here)
+    found = zones.solve(case, known_by_motion(here, few))
+    assert_allclose(found.solution, z, rtol=0, atol=1e-13 * abs(z).max())
+    assert_array_equal(found.gap[30:], here.gap0[30:])
+    assert zones._part is not None
+    assert zones._part.count == zones._part.keep.sum() == 18
+
+
+def test_slips_of_prescribed_gaps_are_in_every_zone(space: PointSpace) -> None:
+    """A point whose gap supports prescribe, and whose slip is free, may rub at any time."""
+    far = PointSpace(space.S[1:, 1:].copy(), np.arange(m) - 1, m - 1 + np.arange(m)[:, None])
+    case, here, zones = conditions(np.arange(20, 30)), load(), zones_of(far)
+    here = replace(here, force=here.force[1:])
+    z, *_ = far.unknowns(case, here)
+    assert_allclose(zones.solve(case, known_by_motion(here, far)).solution, z, rtol=0, atol=1e-13)
+    assert zones._part is not None and zones._part.keep[0] and zones._part.count == 18
+
+
 def test_a_tenth_of_many_closed_points_is_spare() -> None:
     """Of 100 closed points on springs of their own 110 are in the zone, the nearest ones."""
     n, none = 200, np.zeros((200, 0))

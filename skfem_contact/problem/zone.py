@@ -54,6 +54,9 @@ class Zones:
     def __init__(self, compliance: Compliance) -> None:
         self.compliance = compliance
         self._has_gap, self._rows = compliance.normal_rows >= 0, 1 + compliance.tangential_rows.shape[1]
+        # points with slips alone are always in it, those without any row never: they count as none
+        self._slips_alone = ~self._has_gap & np.any(compliance.tangential_rows >= 0, axis=1)
+        self._most = np.count_nonzero(self._has_gap | self._slips_alone)
         self._key: object = None
         self._chosen: Zone | None = None  # for the conditions of this key
         self._part: Zone | None = None
@@ -94,12 +97,14 @@ class Zones:
                 return now if now.good else self.whole()
         gap = np.where(needed, -np.inf, load.gap0 if self._last is None else self._last)
         keep = needed.copy()
+        gap[~has_gap] = np.inf
         keep[np.argsort(gap, kind="stable")[:asked]] = True
-        keep |= ~has_gap
+        keep = keep & has_gap | self._slips_alone
         now = self._part = None  # before the next one takes memory
         self._spent = 0.0
         # the inverse of all points is there where they are few, and serves others if it is kept
-        if 4 * keep.sum() > 3 * len(keep) if whole.small else keep.all():
+        kept = np.count_nonzero(keep)
+        if 4 * kept > 3 * self._most if whole.small else kept == self._most:
             self._part = self.whole()
         else:
             if not whole.small:
@@ -199,7 +204,7 @@ class Zone:
         self.left = keep is not None
         self.good = True
         self.keep = np.ones(len(normal), dtype=bool) if keep is None else keep
-        self._dropped, self.count = ~self.keep, np.count_nonzero(self.keep)
+        self._dropped, self.count = ~self.keep, np.count_nonzero(self.keep & (normal >= 0))
         on = None
         if keep is not None:
             place = np.full(q + 1, -1)
