@@ -96,7 +96,7 @@ def test_reduction_follows_the_zone(space: PointSpace) -> None:
 def test_one_reduction_serves_many_loads(space: PointSpace) -> None:
     """As long as the zone does not grow, nothing is inverted again until open points cost as much."""
     zones, draws = zones_of(space), []
-    few = [conditions(np.arange(k, 10)) for k in (4, 5)]  # 8 more than the 10 are in the zone at first
+    few = [conditions(np.arange(k, k + 5)) for k in (4, 5)]  # 8 more than the 10 are in it at first
     for seed in range(40):
         case, here = few[seed % 2] if seed else conditions(np.arange(10)), load(seed)
         z, *_ = space.unknowns(case, here)
@@ -104,8 +104,35 @@ def test_one_reduction_serves_many_loads(space: PointSpace) -> None:
         assert_allclose(found, z, rtol=0, atol=1e-13 * abs(z).max())
         if zones._part not in draws:
             draws.append(zones._part)
-    # 13 open points in vain cost one factorisation more than the inverse of 13 points; then 8 are spare
+    # 13 open points, of which a new zone has 8, cost more than the inverse of 13 at the second time
     assert [zone.count for zone in draws] == [18, 13]
+
+
+def test_points_without_rows_are_in_no_zone(space: PointSpace) -> None:
+    """Half of the points have no partner: the others have a zone of their own size, not the whole."""
+    rows = (
+        np.where(np.arange(m) < 30, np.arange(m), -1),
+        np.where(np.arange(m) < 30, 30 + np.arange(m), -1),
+    )
+    few = PointSpace(space.S[:60, :60].copy(), rows[0], rows[1][:, None])
+    case, here, zones = conditions(np.arange(10)), load(), zones_of(few)
+    here = replace(here, force=here.force[:60])
+    z, *_ = few.unknowns(case, here)
+    found = zones.solve(case, known_by_motion(here, few))
+    assert_allclose(found.solution, z, rtol=0, atol=1e-13 * abs(z).max())
+    assert_array_equal(found.gap[30:], here.gap0[30:])
+    assert zones._part is not None
+    assert zones._part.count == zones._part.keep.sum() == 18
+
+
+def test_slips_of_prescribed_gaps_are_in_every_zone(space: PointSpace) -> None:
+    """A point whose gap supports prescribe, and whose slip is free, may rub at any time."""
+    far = PointSpace(space.S[1:, 1:].copy(), np.arange(m) - 1, m - 1 + np.arange(m)[:, None])
+    case, here, zones = conditions(np.arange(20, 30)), load(), zones_of(far)
+    here = replace(here, force=here.force[1:])
+    z, *_ = far.unknowns(case, here)
+    assert_allclose(zones.solve(case, known_by_motion(here, far)).solution, z, rtol=0, atol=1e-13)
+    assert zones._part is not None and zones._part.keep[0] and zones._part.count == 18
 
 
 def test_a_tenth_of_many_closed_points_is_spare() -> None:

@@ -235,6 +235,7 @@ def pulled(block, part, u):
 def spoiled(answer, u):
     wrong = replace(answer)
     vars(wrong)["u"] = u
+    wrong.diagnose(replace(answer.diagnostics, meetings={}))  # what the step has measured
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return sc.ContactResult(wrong).validity
@@ -432,3 +433,13 @@ def test_curved_faces_of_second_order_do_not_overlap(numbers, recwarn):
     result = solver.solve(f={"outer": squeeze})
     assert not [w for w in recwarn if "overlap" in str(w.message)]
     assert result.validity.holds
+
+
+def test_boundaries_are_compared_once_for_the_warning_and_the_measure():
+    """What a step has measured of the overlaps of two solids its validity does not measure again."""
+    result, _ = quiet(dragged((0.0, 0.0)))
+    answer = answer_of(result)
+    seen = answer.diagnostics.meetings[0]
+    answer.diagnose(replace(answer.diagnostics, meetings={0: replace(seen, overlap=0.25)}))
+    with pytest.warns(sc.ContactWarning, match="overlap by up to 0.25"):
+        assert result.validity.contacts["joint"].overlap == 0.25

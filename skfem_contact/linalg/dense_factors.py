@@ -226,12 +226,6 @@ def divide(A: Array, scale: Array) -> None:
         A[rows] /= np.outer(scale[rows], scale)
 
 
-def subtract_product(A: Array, B: Array, C: Array) -> None:
-    """``A - B C``."""
-    for rows in blocks(len(A)):
-        A[rows] -= B[rows] @ C
-
-
 # Slope over the size of the matrix that is round-off, as in `scipy.optimize.nnls`.
 ROUND_OFF = 10 * np.finfo(float).eps
 

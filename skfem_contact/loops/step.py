@@ -90,6 +90,11 @@ class Step:
         return self.frictional | self.tied
 
     @cached_property
+    def modelled(self) -> Mask:
+        """Those of them that have a partner, (m,)."""
+        return self.paired & self.resisting
+
+    @cached_property
     def closed_for_good(self) -> Mask | None:
         """Points that never open, (m,); None where there are none."""
         closed = (self.bilateral | self.tied) & self.paired

@@ -33,10 +33,8 @@ from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix, diags
 
 from skfem_contact.arrays import block_diagonal
-from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import columns_of, stacked_rows, with_columns
-from skfem_contact.linalg.backend import Backend
 from skfem_contact.linalg.dense_factors import blocks, symmetrise
 from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.problem import thresholds
@@ -44,7 +42,7 @@ from skfem_contact.problem.points import PointSpace, on_rows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
 from skfem_contact.problem.seam import ContactProblem, OnContactDofs, PosedOn
 from skfem_contact.problem.springs import point_resistance, resistance_by, spring_compliance
-from skfem_contact.problem.substructure import Components, Substructure, substructures_of
+from skfem_contact.problem.substructure import Components, Substructure, Substructures
 from skfem_contact.problem.thresholds import RECOVERED_AT_ONCE, STIFFER
 from skfem_contact.problem.zone import Compliance, Zones
 
@@ -53,40 +51,13 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 
-class Condensed:
-    """All bodies condensed onto their contact DOFs.
+class Condensed(Substructures[Substructure]):
+    """All bodies condensed onto their contact DOFs."""
 
-    Parameters
-    ----------
-    system : System
-    stiffness : sequence of csr_matrix
-        Of each body.
-    wanted : ndarray of int
-        DOFs (stacked) that contact rows may touch.
-    reuse : sequence of Substructure or None
-        Parts that are still good.
-    backend : Backend, optional
-        What factorises the bodies, see `Substructure`.
-    """
+    kind = Substructure
 
-    def __init__(
-        self,
-        system: System,
-        stiffness: Sequence[csr_matrix],
-        wanted: Index,
-        reuse: Sequence[Substructure | None] = (),
-        backend: Backend | None = None,
-    ) -> None:
-        self.system = system
-        self.spans = slices(system.offsets)  # DOFs of each body
-        self.substructures = substructures_of(Substructure, system, stiffness, wanted, reuse, backend)
-        kept = [
-            part.kept + span.start for part, span in zip(self.substructures, self.spans, strict=True)
-        ]
-        self.columns = np.concatenate(kept)
-        # contact DOFs of each body among all contact DOFs
-        self.kept_spans = slices(np.cumsum([0, *map(len, kept)]))
-        self.P = block_diagonal([part.springs for part in self.substructures])
+    def __init__(self, *parts: Any) -> None:
+        super().__init__(*parts)
         self._split: dict[str, tuple[Array, list[Array]]] = {}
         self._along: tuple[list[int], Array, Array] | None = None
 
@@ -101,7 +72,7 @@ class Condensed:
         """``F`` times forces on the contact DOFs, (n_c, r) -> (n_c, r)."""
         pieces = [
             part.flexibility @ force[span]
-            for part, span in zip(self.substructures, self.kept_spans, strict=True)
+            for part, span in zip(self.substructures, self.column_spans, strict=True)
         ]
         return np.concatenate(pieces)
 
@@ -109,16 +80,17 @@ class Condensed:
         """Sparse rows over the contact DOFs times ``F``, (r, n_c) -> (r, n_c)."""
         pieces = [
             columns_of(rows, span) @ part.flexibility
-            for part, span in zip(self.substructures, self.kept_spans, strict=True)
+            for part, span in zip(self.substructures, self.column_spans, strict=True)
         ]
         return np.concatenate(pieces, axis=1)
 
     def compliance(self, G: csr_matrix) -> Array:
         """``G F G'`` for sparse rows over the contact DOFs, (r, n_c) -> (r, r)."""
         W = np.zeros((G.shape[0], G.shape[0]))
-        for part, span in zip(self.substructures, self.kept_spans, strict=True):
+        for part, span in zip(self.substructures, self.column_spans, strict=True):
             delassus_compliance(W, columns_of(G, span), part.flexibility)
-        symmetrise(W)
+        for rows in blocks(len(W)):  # all else is written twice
+            symmetrise(W[rows, rows])
         return W
 
     def components(self, f: Array, x: Array) -> tuple[Components | None, ...]:
@@ -175,7 +147,7 @@ class Condensed:
         """All displacements, r arrays (n,), from r sources (n_c, r)."""
         u_c = self.contact_dofs(sources)
         u = [np.array(case.x) for case in cases]
-        for k, (span, kept) in enumerate(zip(self.spans, self.kept_spans, strict=True)):
+        for k, (span, kept) in enumerate(zip(self.spans, self.column_spans, strict=True)):
             part = self.substructures[k]
             place = span.start + part.order
             for first in range(0, len(u), RECOVERED_AT_ONCE):

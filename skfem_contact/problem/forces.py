@@ -35,6 +35,7 @@ from skfem_contact.digits import SOLVED
 from skfem_contact.linalg.dense_factors import lu
 from skfem_contact.linalg.krylov import Iterated, gmres
 from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.problem.points import on_rows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, friction_force
 from skfem_contact.problem.seam import OnContactDofs, PosedOn
 from skfem_contact.problem.sparse import DependentRows
@@ -143,7 +144,7 @@ def _times(A: Array, x: Array) -> Array:
     return np.asarray(np.einsum("ikl,il->ik", A, x))
 
 
-W = TypeVar("W", bound=Whole)
+W = TypeVar("W", bound=Whole[Any])
 P = TypeVar("P", bound="OnForces[Any]")
 
 
@@ -195,10 +196,7 @@ class OnForces(OnContactDofs[W]):
     def in_series(self: P, C: Resistance) -> P:
         """The same problem with springs of the stiffness C in series with its points."""
         new = copy(self)
-        new.give = np.zeros(len(self.own))
-        for rows, stiff in ((self.normal_rows, C.normal), (self.tangential_rows.T, C.tangential)):
-            exists = rows >= 0
-            new.give[rows[exists]] = 1.0 / np.broadcast_to(stiff, rows.shape)[exists]
+        new.give = self._on_rows(1.0 / C.normal, 1.0 / C.tangential[:, None])
         new._share = 1.0 / (1.0 + self.own * new.give)
         new.own = self.own * new._share
         new._begin_anew()
@@ -207,11 +205,12 @@ class OnForces(OnContactDofs[W]):
     def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
         """The load with the forces at which the springs have no strain."""
         assert load.moved is not None
-        p = np.zeros(len(self.own) + 1)
-        p[self.normal_rows], p[self.tangential_rows] = normal_force, -tangential_force
         moved = load.moved.copy()
-        moved[: len(self.own)] -= self.give * p[:-1]
+        moved[: len(self.own)] -= self.give * self._on_rows(normal_force, -tangential_force)
         return replace(load, moved=moved)
+
+    def _on_rows(self, *values: Array) -> Array:
+        return on_rows(values, self.normal_rows, self.tangential_rows, len(self.own))
 
     def _begin_anew(self) -> None:
         super()._begin_anew()

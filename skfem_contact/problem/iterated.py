@@ -52,8 +52,10 @@ Array = NDArray[np.float64]
 logger = logging.getLogger("skfem_contact")
 
 
-class IteratedBodies(Whole):
+class IteratedBodies(Whole[WholeBody]):
     """Bodies by their factors, and the contact problem put upon them."""
+
+    kind = WholeBody
 
     def attach(self, on: PosedOn, prefer: NDArray[np.bool_], labels: Sequence[str]) -> ContactProblem:
         """The contact problem on one pairing."""
@@ -186,19 +188,18 @@ class GridBody(WholeBody):
         return self.grids.memory
 
 
-class MultigridBodies(Whole):
+class MultigridBodies(Whole[GridBody]):
     """Bodies by their matrices and multigrid, and the contact problem put upon them.
 
     Parameters
     ----------
     system, stiffness, wanted, reuse
-        As of `Whole`.
+        As of `Substructures`.
     settings : AMG
         Tolerance and most iterations.
     """
 
     kind = GridBody
-    substructures: Sequence[GridBody]
 
     def __init__(
         self,

@@ -246,7 +246,7 @@ class PointSpace:
 
 
 def on_rows(
-    values: tuple[Array, Array],
+    values: tuple[Array, ...],
     normal_rows: Index,
     tangential_rows: Index,
     q: int,

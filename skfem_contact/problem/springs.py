@@ -156,9 +156,11 @@ def resistance_by(W: Array, normal_rows: Index, tangential_rows: Index) -> Resis
         normal_rows[:, None],
         tangential_rows if (tangential_rows >= 0).any() else normal_rows[:, None],
     )
-    # the last row and column are for points that have none
-    padded = np.pad(W, (0, 1))
-    normal, tangential = (padded[on[:, :, None], on[:, None, :]] for on in rows)
+    W = W if W.size else np.zeros((1, 1))  # whose last row is looked at for points that have none
+    normal, tangential = (
+        np.where((on[:, :, None] >= 0) & (on[:, None, :] >= 0), W[on[:, :, None], on[:, None, :]], 0.0)
+        for on in rows
+    )
     return _resistance(normal, tangential)
 
 

@@ -10,19 +10,19 @@ import logging
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import same
+from skfem_contact.arrays import block_diagonal, same
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.rigid_modes import largest
-from skfem_contact.bodies.system import System
+from skfem_contact.bodies.system import System, slices
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.backend import Backend, BodyFactor
 from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
@@ -267,6 +267,11 @@ class Substructure:
             P[place, np.arange(len(place))] = np.sqrt(firm)
         return P
 
+    @property
+    def P(self) -> Array:
+        """The same over the contact DOFs, (n_c, k)."""
+        return self.springs
+
     @once
     def flexibility(self) -> Array:
         """``(S + P P')^-1``, shape (n_c, n_c) [length/force]; takes the place of a large S."""
@@ -343,7 +348,7 @@ class Substructure:
         """The same of a load that is not to be remembered, (n_c,)."""
         if not (len(self.kept) and (f.any() or x.any())):
             return np.zeros(len(self.kept))
-        return np.asarray(self._factor.reduce_load(self._free_load(f, x)))
+        return np.asarray(self._factor.reduce_load(self.free_load(f, x)))
 
     def recover(
         self,
@@ -371,10 +376,11 @@ class Substructure:
         x = along @ C
         for k, (c, load) in enumerate(zip(components, loads, strict=True)):
             if c is None:
-                x[:, k] = self._factor.eliminate(self._free_load(*load))[:, 0]
+                x[:, k] = self._factor.eliminate(self.free_load(*load))[:, 0]
         return self._factor.substitute(kept, x)
 
-    def _free_load(self, f: Array, x: Array) -> Array:
+    def free_load(self, f: Array, x: Array) -> Array:
+        """Load on the free DOFs, that of prescribed displacements included, (n_f,)."""
         return f[self.free] + self._by_supports(x[self.body.D])
 
 
@@ -419,19 +425,11 @@ def anchors(body: Body, wanted: Index, modes: Array) -> Index:
 S = TypeVar("S", bound=Substructure)
 
 
-def substructures_of(
-    kind: type[S],
-    system: System,
-    stiffness: Sequence[csr_matrix],
-    wanted: Index,
-    reuse: Sequence[Substructure | None],
-    backend: Backend | None,
-) -> list[S]:
-    """The parts of all bodies.
+class Substructures(Generic[S]):
+    """All bodies, each reduced to its contact DOFs.
 
     Parameters
     ----------
-    kind : type of Substructure
     system : System
     stiffness : sequence of csr_matrix
         Of each body.
@@ -441,16 +439,41 @@ def substructures_of(
         Parts that are still good, if they are of this kind.
     backend : Backend, optional
         What factorises the bodies, see `Substructure`.
+
+    Attributes
+    ----------
+    spans, column_spans : list of slice
+        All DOFs of each body, and its contact DOFs among those of all.
+    columns : ndarray of int, shape (n_c,)
+        Contact DOFs and anchors.
+    P : ndarray, shape (n_c, k)
+        Springs on the anchors.
     """
-    found = []
-    for i, body in enumerate(system.bodies):
-        old = reuse[i] if len(reuse) else None
-        if not isinstance(old, kind):
-            firm = firmness(system, stiffness, wanted) if len(body.rotations) else 0.0
-            mine = wanted_of(body, system, wanted)
-            old = kind(body, stiffness[i], mine, firm, backend, system.modes(i))
-        found.append(old)
-    return found
+
+    kind: type[S]
+
+    def __init__(
+        self,
+        system: System,
+        stiffness: Sequence[csr_matrix],
+        wanted: Index,
+        reuse: Sequence[Substructure | None] = (),
+        backend: Backend | None = None,
+    ) -> None:
+        self.system, self.stiffness, self.backend = system, stiffness, backend or Direct()
+        self.spans, self.substructures = slices(system.offsets), list[S]()
+        for i, body in enumerate(system.bodies):
+            part = reuse[i] if len(reuse) else None
+            if not isinstance(part, self.kind):
+                firm = firmness(system, stiffness, wanted) if len(body.rotations) else 0.0
+                mine = wanted_of(body, system, wanted)
+                part = self.kind(body, stiffness[i], mine, firm, self.backend, system.modes(i))
+            self.substructures.append(part)
+        parts = zip(self.substructures, self.spans, strict=True)
+        columns = [part.columns + span.start for part, span in parts]
+        self.columns = np.concatenate(columns)
+        self.column_spans = slices(np.cumsum([0, *map(len, columns)]))
+        self.P = block_diagonal([part.P for part in self.substructures])
 
 
 def wanted_of(body: Member, system: System, wanted: Index) -> Index:

@@ -28,22 +28,21 @@ References
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, block_diag
+from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import splu
 
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.linalg.backend import Backend, Surface
-from skfem_contact.linalg.direct import Direct
+from skfem_contact.linalg.backend import Surface
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky, SurfaceResponse
 from skfem_contact.once import once
 from skfem_contact.problem.response import Source
-from skfem_contact.problem.substructure import Components, Substructure, substructures_of
+from skfem_contact.problem.substructure import Components, Substructure, Substructures
 from skfem_contact.problem.thresholds import DEPENDENT, LAYERS, RECOVERED_AT_ONCE
 
 Array = NDArray[np.float64]
@@ -100,56 +99,12 @@ class WholeBody(Substructure):
         u[self._factor.order] = self._factor.substitute(kept, x)
         return u
 
-    def free_load(self, f: Array, x: Array) -> Array:
-        """Load on the free DOFs, that of prescribed displacements included, (n_f,)."""
-        return self._free_load(f, x)
+
+W = TypeVar("W", bound=WholeBody)
 
 
-class Whole:
-    """All bodies by their factors.
-
-    Parameters
-    ----------
-    system : System
-    stiffness : sequence of csr_matrix
-        Of each body.
-    wanted : ndarray of int
-        DOFs (stacked) that contact rows may touch.
-    reuse : sequence of Substructure or None
-        Parts that are still good.
-    backend : Backend, optional
-        What factorises the bodies, see `Substructure`.
-
-    Attributes
-    ----------
-    columns : ndarray of int, shape (n_c,)
-        Contact DOFs and anchors.
-    P : ndarray, shape (n_c, k)
-        Springs on the anchors.
-    """
-
-    kind = WholeBody
-    substructures: Sequence[WholeBody]
-
-    def __init__(
-        self,
-        system: System,
-        stiffness: Sequence[csr_matrix],
-        wanted: Index,
-        reuse: Sequence[Substructure | None] = (),
-        backend: Backend | None = None,
-    ) -> None:
-        self.system, self.stiffness = system, stiffness
-        self.backend = backend or Direct()
-        self.spans = slices(system.offsets)
-        self.substructures = parts = substructures_of(
-            self.kind, system, stiffness, wanted, reuse, self.backend
-        )
-        columns = [part.columns + span.start for part, span in zip(parts, self.spans, strict=True)]
-        self.columns = np.concatenate(columns)
-        self.column_spans = slices(np.cumsum([0, *map(len, columns)]))
-        springs = [part.P for part in parts if len(part.columns)]
-        self.P = block_diag(*springs) if springs else np.zeros((0, 0))
+class Whole(Substructures[W]):
+    """All bodies by their factors."""
 
     def flexibility(self, force: Array) -> Array:
         """``F`` times forces on the contact DOFs, (n_c,) -> (n_c,)."""
@@ -243,7 +198,7 @@ class Layers:
     bodies : Whole
     """
 
-    def __init__(self, bodies: Whole) -> None:
+    def __init__(self, bodies: Whole[Any]) -> None:
         parts = zip(bodies.substructures, bodies.column_spans, strict=True)
         # rigid bodies have no layer: what moves are the others
         self._layers = [

@@ -30,7 +30,6 @@ from skfem_contact.linalg.dense_factors import (
     cholesky,
     divide,
     lu,
-    subtract_product,
     symmetrise,
 )
 from skfem_contact.linalg.singular import SingularMatrix
@@ -48,18 +47,22 @@ Index = NDArray[np.intp]
 class Zones:
     """The zone of one solve at a time, drawn anew where it is too small or has become too large.
 
-    Points that are in it though they are open cost time in every factorisation, and to draw the zone
-    anew costs an inverse. It is drawn anew once they have cost as much: at most twice the least.
+    Open points beyond those that a new zone would have cost time in every factorisation, and to draw it
+    costs an inverse. It is drawn once they have cost as much: at most twice the least.
     """
 
     def __init__(self, compliance: Compliance) -> None:
         self.compliance = compliance
+        self._has_gap, self._rows = compliance.normal_rows >= 0, 1 + compliance.tangential_rows.shape[1]
+        # points with slips alone are always in it, those without any row never: they count as none
+        self._slips_alone = ~self._has_gap & np.any(compliance.tangential_rows >= 0, axis=1)
+        self._most = np.count_nonzero(self._has_gap | self._slips_alone)
         self._key: object = None
         self._chosen: Zone | None = None  # for the conditions of this key
         self._part: Zone | None = None
         self._all: Zone | None = None
         self._last: Array | None = None
-        self._spent = 0.0  # on points that are open [operations]
+        self._spent = 0.0  # on open points that a new one would not have [operations]
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Gaps, slips and forces under these conditions."""
@@ -88,22 +91,25 @@ class Zones:
         whole, now = self.compliance, self._part
         if not whole.stable:
             return self.whole()
-        has_gap, rows = whole.normal_rows >= 0, 1 + whole.tangential_rows.shape[1]
+        has_gap, rows = self._has_gap, self._rows
         needed = conditions.closed & has_gap
         count = np.count_nonzero(needed)
         asked = count + max(FEWEST, int(SPARE * count))
         if now is not None and now.keeps(needed):
-            slide = (rows - 1.0) * np.count_nonzero(needed & ~conditions.stick)
-            self._spent += ((now.count - count) * rows + slide) ** 3 - slide**3
-            if now.count <= asked or self._spent <= (asked * rows) ** 3:
+            free = np.array([now.count, asked]) - count + 0.0
+            free = free * rows + (rows - 1) * np.count_nonzero(needed & ~conditions.stick)
+            self._spent += max(free[0] ** 3 - free[1] ** 3, 0.0)
+            if self._spent <= (asked * rows) ** 3:
                 return now if now.good else self.whole()
         keep = needed.copy()
-        keep[np.argsort(np.where(needed, -np.inf, gap), kind="stable")[:asked]] = True
-        keep |= ~has_gap
+        gap = np.where(needed, -np.inf, np.where(has_gap, gap, np.inf))
+        keep[np.argsort(gap, kind="stable")[:asked]] = True
+        keep = keep & has_gap | self._slips_alone
         now = self._part = None  # before the next one takes memory
         self._spent = 0.0
         # the inverse of all points is there where they are few, and serves others if it is kept
-        if 4 * keep.sum() > 3 * len(keep) if whole.small else keep.all():
+        kept = np.count_nonzero(keep)
+        if 4 * kept > 3 * self._most if whole.small else kept == self._most:
             self._part = self.whole()
         else:
             if not whole.small:
@@ -203,7 +209,7 @@ class Zone:
         self.left = keep is not None
         self._normal, self._tangential, self.good = normal, tangential, True
         self.keep = np.ones(len(normal), dtype=bool) if keep is None else keep
-        self._dropped, self.count = ~self.keep, np.count_nonzero(self.keep)
+        self._dropped, self.count = ~self.keep, np.count_nonzero(self.keep & (normal >= 0))
         on, self.rows = None, np.arange(q)
         if keep is not None:
             place = np.full(q + 1, -1)
@@ -216,6 +222,8 @@ class Zone:
             self.rest = np.setdiff1d(np.arange(q), rows)
             q = len(rows)
             self._across = whole.W[np.ix_(self.rest, on)]
+            self._left = np.flatnonzero(self._dropped)
+            self._left_rows = whole.normal_rows[self._left], whole.tangential_rows[self._left]
         A = whole.inverse(on, refuses)
         self._A_zq, self._A_qq = A[:q, q:].copy(), A[q:, q:].copy()
         try:
@@ -255,9 +263,9 @@ class Zone:
             full = np.zeros(len(self.rows) + len(self.rest) + 1)  # the last for rows of -1
             full[self.rows] = z
             full[self.rest] = load.moved[self.rest] + self._across.dot(np.append(found.p, q))
-            left, z = self._dropped, full[:-1]
-            response.gap[left] += full[self._normal[left]]
-            response.slip[left] += full[self._tangential[left]]
+            z, (normal, tangential) = full[:-1], self._left_rows
+            response.gap[self._left] += full[normal]
+            response.slip[self._left] += full[tangential]
         response.solution = np.append(z, q) if len(q) else z
         return response
 
@@ -365,9 +373,8 @@ def without_anchors(A: Array, A_zq: Array, rigid: DenseFactors) -> Array:
     if len(A) == q:
         return A
     # the rows close up, from the first one on: NumPy copies what is not in one piece for every product
-    S = A.reshape(-1)[: q * q].reshape(q, q)
+    S, moved = A.reshape(-1)[: q * q].reshape(q, q), rigid.solve(A_zq.T)
     for rows in blocks(q):
-        S[rows] = A[rows, :q]
-    subtract_product(S, A_zq, rigid.solve(A_zq.T))
+        S[rows] = A[rows, :q] - A_zq[rows] @ moved
     symmetrise(S)
     return S

@@ -129,6 +129,7 @@ class Assessment:
         # those that strains and turns have bounds of: materials of finite strain follow them
         self.bounded = [name for name, body in self.solids.items() if not body.finite_strain]
         self.lockable = lockable(result)
+        self.meetings = dict(result.diagnostics.meetings)
         self._known: dict[tuple[str, Any], Any] = {}
 
     # -- bodies -------------------------------------------------------------------------------
@@ -220,9 +221,13 @@ class Assessment:
             return ""
         return crossing_words(found, *(side.label for side in sides))
 
-    @_once
     def meeting(self, i: int) -> Meeting:
-        """How the deformed boundaries meet."""
+        """How the deformed boundaries meet; the step may have measured it."""
+        if i not in self.meetings:
+            self.meetings[i] = self._met(i)
+        return self.meetings[i]
+
+    def _met(self, i: int) -> Meeting:
         result, system = self.result, self.system
         contact, part, track = result.contacts[i], result.slices()[i], result.diagnostics.tracks[i]
         secondary = contact.secondary

@@ -82,8 +82,8 @@ class Boundary:
     def inside(self, points: Array) -> Mask:
         """Which points lie inside, shape (p,).
 
-        A simplex is compared only with the points that lie beside it along one axis across the ray:
-        among points that are sorted along it these follow each other.
+        A simplex is compared only with the points in its strips of one axis across the ray that lie
+        beside it along the last one: sorted by strip, then along it, these follow each other.
         """
         out = np.zeros(len(points), dtype=bool)
         near = np.flatnonzero(within(points, self.box))
@@ -91,15 +91,28 @@ class Boundary:
             return out
         start, lowest, highest, normal = self._across
         p = points[near] @ ACROSS[points.shape[1]].T
-        order = np.argsort(p[:, 0])
-        near, p = near[order], p[order]
-        first = np.searchsorted(p[:, 0], lowest[:, 0], side="left")
-        count = np.searchsorted(p[:, 0], highest[:, 0], side="right") - first
-        met = np.zeros(len(near), dtype=np.intp)
+        near, p = near[order := np.argsort(p[:, -1])], p[order]
+        n, origin = len(near), lowest[:, 0].min()
+        width = np.mean(highest[:, 0] - lowest[:, 0]) or 1.0
+
+        def strip(x: Array) -> Index:
+            return np.asarray((x - origin) // width, dtype=np.intp)
+
+        key = strip(p[:, 0]) * n + np.arange(n)
+        by_strip = np.argsort(key)
+        key = key[by_strip]
+        first, last = strip(lowest[:, 0]), strip(highest[:, 0])
+        simplex = np.repeat(np.arange(len(first)), last - first + 1)
+        begin = ragged(first, last - first + 1) * n
+        low = np.searchsorted(p[:, -1], lowest[:, -1], side="left")[simplex]
+        high = np.searchsorted(p[:, -1], highest[:, -1], side="right")[simplex]
+        first = np.searchsorted(key, begin + low)
+        count = np.searchsorted(key, begin + high) - first
+        met = np.zeros(n, dtype=np.intp)
         for some in _blocks(count):
-            t = np.repeat(some, count[some])
-            row = ragged(first[some], count[some])
-            beside = np.all((p[row] >= lowest[t]) & (p[row] <= highest[t]), axis=1)
+            t = np.repeat(simplex[some], count[some])
+            row = by_strip[ragged(first[some], count[some])]
+            beside = (p[row, 0] >= lowest[t, 0]) & (p[row, 0] <= highest[t, 0])
             row, t = row[beside], t[beside]
             side = _sides(start[t], p[row])
             hit = np.all(side > 0, axis=1) | np.all(side < 0, axis=1)
@@ -107,7 +120,7 @@ class Boundary:
             # where the ray meets the line or plane of the simplex: ahead or behind
             height = np.einsum("pd,pd->p", self.corners[t, 0] - points[near[row]], normal[t])
             ahead = height * (normal[t] @ RAY[: points.shape[1]]) > 0
-            met += np.bincount(row[ahead], minlength=len(near))
+            met += np.bincount(row[ahead], minlength=n)
         out[near] = met % 2 == 1
         return out
 
@@ -123,10 +136,10 @@ class Boundary:
         return x, x.min(axis=1), x.max(axis=1), normal
 
     @cached_property
-    def _tree(self) -> tuple[Tree, float]:
-        """Middles of the simplices, and how far their corners are from these at most."""
+    def _tree(self) -> tuple[Tree, Array]:
+        """Middles of the simplices, and how far the corners of each are from its own at most, (s,)."""
         middle = self.corners.mean(axis=1)
-        return Tree(middle), float(np.linalg.norm(self.corners - middle[:, None], axis=2).max())
+        return Tree(middle), np.linalg.norm(self.corners - middle[:, None], axis=2).max(axis=1)
 
     def beside(self, points: Array, length: float) -> Mask:
         """Which points one simplex alone shows to be no farther from the boundary, shape (p,)."""
@@ -137,18 +150,32 @@ class Boundary:
     def distance(self, points: Array) -> Array:
         """Distances of points from the boundary, shape (p,) [length]."""
         tree, radius = self._tree
-        first = tree.nearest(points)
-        bound = _to_simplices(points, self.corners[first])
-        out = np.minimum(bound, np.linalg.norm(points - tree.points[first], axis=1))
-        candidates = tree.query_ball_point(points, bound + radius)
+        middle = tree.points
+        near = self._met_by(points, 0.0)  # where points are, or any will do for a bound
+        first = near[Tree(middle[near]).nearest(points)]
+        out = _to_simplices(points, self.corners[first])
+        out = np.minimum(out, np.linalg.norm(points - middle[first], axis=1))
+        near = self._met_by(points, np.max(out, initial=0.0))
+        candidates = Tree(middle[near]).query_ball_point(points, out + np.max(radius[near]))
         count = np.array([len(found) for found in candidates], dtype=np.intp)
         for some in np.array_split(np.arange(len(points)), 1 + count.sum() // PAIRS_AT_ONCE):
             if not len(some):
                 continue
             row = np.repeat(some, count[some])
-            which = np.concatenate([np.asarray(candidates[k], dtype=np.intp) for k in some])
+            which = near[np.concatenate([np.asarray(candidates[k], dtype=np.intp) for k in some])]
+            away = np.linalg.norm(points[row] - middle[which], axis=1)
+            meets = away <= out[row] + radius[which]  # of one simplex: they differ in size
+            row, which = row[meets], which[meets]
             np.minimum.at(out, row, _to_simplices(points[row], self.corners[which]))
         return out
+
+    def _met_by(self, points: Array, distance: float) -> Index:
+        """Simplices whose boxes meet that of points, or are no farther from it; all if none does."""
+        low = points.min(axis=0, initial=np.inf) - distance
+        high = points.max(axis=0, initial=-np.inf) + distance
+        x = self.corners
+        met = np.all((x.min(axis=1) <= high) & (x.max(axis=1) >= low), axis=1)
+        return np.flatnonzero(met if met.any() else ~met)
 
     def depth(self, points: Array) -> Array:
         """How deep points lie inside, zero outside, shape (p,) [length]."""

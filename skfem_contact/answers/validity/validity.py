@@ -28,6 +28,7 @@ rest.
 from __future__ import annotations
 
 from dataclasses import field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,9 @@ from numpy.typing import NDArray
 from skfem_contact.answers.thresholds import A_TENTH, ALONE, FACETS, LOCKED, OVERLAP, SAGITTA
 from skfem_contact.answers.validity.track import Track
 from skfem_contact.records import dataclass
+
+if TYPE_CHECKING:
+    from skfem_contact.answers.validity.deformed_boundaries import Meeting
 
 Array = NDArray[np.float64]
 
@@ -176,6 +180,8 @@ class Diagnostics:
         What moments of second order change of the motion of rigid bodies, over that motion, by name.
     stretches : dict
         How far supports move against each other, over the extent of their body, by name.
+    meetings : dict
+        How deformed boundaries meet, as far as the step has measured it, by the contact's number.
     """
 
     drifts: tuple[Drift, ...] = ()
@@ -186,6 +192,7 @@ class Diagnostics:
     undetected: dict[int, str] = field(default_factory=dict)
     leaning: dict[str, float] = field(default_factory=dict)
     stretches: dict[str, float] = field(default_factory=dict)
+    meetings: dict[int, Meeting] = field(default_factory=dict)
 
     @property
     def beyond(self) -> list[tuple[str, str]]:

@@ -200,7 +200,7 @@ class Watch:
             if key not in known.issued:
                 new.add(key)
                 warn(words + ONCE)
-        return replace(known, issued=known.issued | new)
+        return replace(known, issued=known.issued | new, meetings=measured.meetings)
 
     def _suspected(self, result: Answer) -> dict[int, tuple[set[str], Issued]]:
         """What seems to be wrong with contacts and has not been said, by kind; what is to be kept.

@@ -37,7 +37,7 @@ from scipy.linalg.blas import dgemm, dsyrk, dtrsm, dtrsv, strsv
 from scipy.linalg.lapack import dpotrf
 
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.dense_factors import mirror
+from skfem_contact.linalg.dense_factors import blocks, mirror
 from skfem_contact.linalg.multifrontal.fronts import (
     Leftovers,
     Pattern,
@@ -272,7 +272,8 @@ class MultifrontalCholesky:
             F11, F21 = panels[f]
             p, b = F21.shape
             F22 = leftovers.take(f)
-            F22.fill(0.0)
+            for some in blocks(b):  # memory that is touched for the first time takes long: half of it
+                F22[some, some.start :] = 0.0
             for child in children[f]:
                 rows, alone = fronts.target[first[child] : first[child + 1]], child == children[f][0]
                 extend_add(F11, F21, F22, left.pop(child), rows, runs[child], alone)
