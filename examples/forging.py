@@ -22,6 +22,7 @@ Run ``python examples/forging.py [folder]``: a picture, and a series for ParaVie
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -120,7 +121,7 @@ sc.write_series(out / "forging.pvd", results[::4], stress=fields, times=range(le
 
 units = {"length": "mm", "stress": "MPa"}
 figure, axes = plt.subplots(1, 3, figsize=(15, 4.2), width_ratios=[1.5, 0.9, 1], layout="constrained")
-seen = {"scale": 1.0, "units": units, "obstacles": False}
+seen: dict[str, Any] = {"scale": 1.0, "units": units, "obstacles": False}
 sc.plot_deformed(last, stress="von_mises", ax=axes[0], window=(-2, 62, -1, 30), **seen)
 axes[0].set(title="pressed: billet, die and ring", xlabel="r [mm]", ylabel="z [mm]")
 seen |= {"arrows": False, "cmap": "YlOrRd", "window": (-0.5, 24, -0.5, 22)}

@@ -87,6 +87,6 @@ for n, colour in zip(ratios, ("#4a9a6c", "#20618d"), strict=True):
     drawn.plot(travel, ratios[n], color=colour, label=f"{n} elements over the height")
 drawn.axhline(mu, color="k", ls=":", label="friction coefficient")
 drawn.set(xlabel="travel of the die [H]", ylabel="horizontal over vertical force", ylim=(0.28, 0.32))
-drawn.legend(loc="lower left", frameon=False, ncols=3)
+drawn.legend(loc="lower left", frameon=False)
 drawn.spines[["top", "right"]].set_visible(False)
 figure.savefig(out / "rubber_ironing.png", dpi=90)

@@ -21,6 +21,7 @@ Run ``python examples/yielding_fit.py [folder]``.
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -123,7 +124,7 @@ assert error <= tolerance
 # %% Picture
 units = {"length": "mm", "stress": "MPa"}
 figure, axes = plt.subplots(1, 3, figsize=(14.5, 4.4), width_ratios=[1.15, 1, 1], layout="constrained")
-style = {"scale": 1.0, "arrows": False, "cmap": "YlOrRd", "units": units}
+style: dict[str, Any] = {"scale": 1.0, "arrows": False, "cmap": "YlOrRd", "units": units}
 sc.plot_deformed(full, stress="equivalent_plastic_strain", ax=axes[0], **style)
 axes[0].set_title("interference 0.26 mm: plastic strain")
 axes[1].plot(np.append(0, up), np.append(0, first), "o", color="0.6", ms=4, label="Hill")
