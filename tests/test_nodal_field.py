@@ -96,7 +96,8 @@ def test_words(pressed: sc.ContactResult) -> None:
     plain = sc.Body(tool.basis, tool.K, D="bottom", name="plain")
     floor = sc.RigidPlane((0, 2), (0, -1))
     solver = sc.ContactSolver(plain, sc.Contact(plain.surface("top"), floor))
-    with pytest.raises(sc.InputError, match="keeps no material"):
+    assert plain.material is None
+    with pytest.raises(sc.InputError, match="'plain' has no field 'stress'; it keeps no material"):
         sc.nodal_field(solver.solve(), "plain", "stress")
 
 

@@ -95,6 +95,8 @@ class Body(Meshed):
         Zero where not prescribed.
     form : BilinearForm or None
         What `K` was assembled from, where it was one; the error estimate measures energy by it.
+    material : Elastic or None
+        What was given in the place of a stiffness.
     by_skfem : str
         Why scikit-fem assembled the form, function by function: it uses more than the gradients of
         u and v. Empty for other forms, whose stiffness is known from two calls of the form.
@@ -126,7 +128,7 @@ class Body(Meshed):
     name: str | None
     form: BilinearForm | None = field(init=False)
     by_skfem: str = field(init=False)
-    material: Any = field(init=False, default=None)
+    material: Any = None
     _stiffness: Stiffness = field(init=False, repr=False)
 
     def __init__(
