@@ -110,7 +110,7 @@ def test_several_fields_by_name(tmp_path: Path) -> None:
         sc.write(tmp_path / "a.vtu", result, stress=[mises, mises])
     with pytest.raises(sc.InputError, match=r"has no field 'von_mises'.* or a function \(body, u\)"):
         sc.write(tmp_path / "a.vtu", result, stress="von_mises")
-    with pytest.raises(sc.InputError, match="give the name of a field .*, or a function"):
+    with pytest.raises(sc.InputError, match=r"give the name of a field .*, or a function"):
         sc.write(tmp_path / "a.vtu", result, stress=[3])  # type: ignore[list-item]
 
 

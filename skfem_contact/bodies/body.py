@@ -128,7 +128,7 @@ class Body(Meshed):
     name: str | None
     form: BilinearForm | None = field(init=False)
     by_skfem: str = field(init=False)
-    material: Any = None
+    material: Any = field(init=False)
     _stiffness: Stiffness = field(init=False, repr=False)
 
     def __init__(
@@ -146,6 +146,7 @@ class Body(Meshed):
         if isinstance(K, Elastic):
             object.__setattr__(self, "material", K)
             K = K.form(measure, axisymmetric=self.axisymmetric)
+        vars(self).setdefault("material", None)  # bodies that are not linear have set theirs
         stiffness = Stiffness.of(K, basis, whose)
         values = {
             "K": stiffness.K,
