@@ -8,9 +8,10 @@ r"""A rubber block squeezed on a rough floor: the user's own Newton loop around 
     o |_________________|
       =================== mu = 0.2
 
-The library's bodies are linear. This one is not: in every Newton iteration ``solver.update`` takes
-its tangent stiffness K(u) and the load f - f_int(u) + K(u) u, condenses it again, and solves for
-contact and friction. On a floor the kinematics stay exact for any deformation.
+`skfem_contact.NonlinearBody` does all of this by itself. Here the loop is the user's own, as for
+equations of another kind: in every Newton iteration ``solver.update`` takes the tangent stiffness
+K(u) and the load f - f_int(u) + K(u) u, condenses it again, and solves for contact and friction. On a
+floor the kinematics stay exact for any deformation.
 
 Without friction the answer is homogeneous: the pressure on the floor, force over initial area, is that
 of the closed form; with friction the middle sticks, the rest slips outwards, the block bulges. In both

@@ -118,7 +118,7 @@ if TYPE_CHECKING:
     from skfem_contact.output.plot_histories import plot_force, plot_history
     from skfem_contact.output.plot_pairs import plot_pairs
     from skfem_contact.output.scene import scene
-    from skfem_contact.output.stress import nodal_stress, von_mises
+    from skfem_contact.output.stress import nodal_field, nodal_stress, von_mises
     from skfem_contact.output.vtk import write, write_series
     from skfem_contact.petsc.backend import PETSc
 
@@ -190,6 +190,7 @@ __all__ = [
     "contact_rows",
     "eliminate",
     "find_contacts",
+    "nodal_field",
     "nodal_stress",
     "plot_contact",
     "plot_deformed",
@@ -239,6 +240,7 @@ _LATER = {
     "contact_rows": "elimination.condense",
     "eliminate": "elimination.eliminate",
     "find_contacts": "assemblies.finding",
+    "nodal_field": "output.stress",
     "nodal_stress": "output.stress",
     "plot_contact": "output.plot_contacts",
     "plot_deformed": "output.plot_bodies",

@@ -465,3 +465,14 @@ def test_nan_of_a_material_is_an_error():
     body = sc.NonlinearBody(basis_of("quad")[0], law)
     with pytest.raises(sc.MaterialError, match="NaN"):
         body.linearize(np.ones(body.n) * body.basis.doflocs[0])
+
+
+@pytest.mark.parametrize("given", [{}, {"measure": lambda x: 2 * np.pi * x[0]}])
+def test_small_strains_keep_their_digits(given):
+    """Below yield forces are K u to round-off, however small strains are: of J too, which is near 1."""
+    mesh = fem.MeshQuad().refined(2).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    body = sc.NonlinearBody(basis, sc.J2(210e3, 0.3, 300.0), **given)
+    u = 1e-9 * np.random.default_rng(1).standard_normal(body.n)
+    internal = body.linearize(u).internal
+    assert_allclose(internal, body.K @ u, rtol=0, atol=1e-13 * np.abs(internal).max())

@@ -108,8 +108,10 @@ def test_several_fields_by_name(tmp_path: Path) -> None:
     assert {"sigma", "von_mises"} <= set(data)
     with pytest.raises(sc.InputError, match="two fields have the same name"):
         sc.write(tmp_path / "a.vtu", result, stress=[mises, mises])
-    with pytest.raises(sc.InputError, match="give a function"):
-        sc.write(tmp_path / "a.vtu", result, stress="von_mises")  # type: ignore[arg-type]
+    with pytest.raises(sc.InputError, match=r"has no field 'von_mises'.* or a function \(body, u\)"):
+        sc.write(tmp_path / "a.vtu", result, stress="von_mises")
+    with pytest.raises(sc.InputError, match=r"give the name of a field .*, or a function"):
+        sc.write(tmp_path / "a.vtu", result, stress=[3])  # type: ignore[list-item]
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -189,20 +189,27 @@ class ContactResult(ByContact):
     def stress(self, body: Member | str) -> Array:
         """Cauchy stress of a body with a material, (3, 3, elements, points of integration) [stress].
 
+        At the nodes: `skfem_contact.nodal_field`.
+
         Raises
         ------
         InputError
-            There is no such body, or it keeps no material, as linear ones do not.
+            There is no such body, it keeps no material, or its stiffness was replaced.
         """
         i = self.system.index(body)
         own, name = self.system.bodies[i], self.system.names[i]
-        if not hasattr(own, "stress"):
+        replaced = not own.nonlinear and self._answer.stiffness[i] is not own.K
+        if getattr(own, "material", None) is None or replaced:
             raise InputError(
-                f"body {name!r} keeps no material that would tell its stress: sc.nodal_stress(...) "
-                "has that of linear bodies; a NonlinearBody(basis, Elastic(E, nu)) keeps its own"
+                f"body {name!r} keeps no material that would tell its stress: give sc.Elastic(E, nu) "
+                "in the place of its stiffness, or use sc.nodal_stress(...)"
             )
         state = self._answer.material[i] if self._answer.material else {}
-        return np.asarray(own.stress(self.displacement(own), state))
+        return np.asarray(
+            own.stress(  # type: ignore[attr-defined]
+                self.stretched(own), state
+            )
+        )
 
     @known_keywords()
     def reaction(self, body: Member | str, boundary: str | None = None) -> Array:

@@ -19,6 +19,7 @@ from skfem.assembly import BilinearForm, CellBasis
 
 from skfem_contact.arguments import check_name, known_keywords, with_known_keywords
 from skfem_contact.bodies.boundaries import displacements, tractions
+from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.inputs import (
     Dofs,
     Loads,
@@ -100,6 +101,8 @@ class Body(Meshed):
         Zero where not prescribed.
     form : BilinearForm or None
         What `K` was assembled from, where it was one; the error estimate measures energy by it.
+    material : Elastic or None
+        What was given in the place of a stiffness.
     by_skfem : str
         Why scikit-fem assembled the form, function by function: it uses more than the gradients of
         u and v. Empty for other forms, whose stiffness is known from two calls of the form.
@@ -131,6 +134,7 @@ class Body(Meshed):
     name: str | None
     form: BilinearForm | None = field(init=False)
     by_skfem: str = field(init=False)
+    material: Any = field(init=False)
     _stiffness: Stiffness = field(init=False, repr=False)
     _mass: Any = field(init=False, repr=False)
 
@@ -150,7 +154,9 @@ class Body(Meshed):
         if mass is None:
             mass = getattr(K, "density", 0.0) or None
         if isinstance(K, Elastic):
+            object.__setattr__(self, "material", K)
             K = K.form(measure, axisymmetric=self.axisymmetric)
+        vars(self).setdefault("material", None)  # bodies that are not linear have set theirs
         stiffness = Stiffness.of(K, basis, whose)
         values = {
             "K": stiffness.K,
@@ -256,6 +262,19 @@ class Body(Meshed):
     def linearize(self, u: Array | None = None, state: State | None = None) -> Linearized:
         """The stiffness, and the internal forces ``K u``, see `Linearizable`."""
         return Linearized(self.K, np.zeros(self.n) if u is None else self.K @ u, {})
+
+    def stress(self, u: Array, state: State | None = None) -> Array:
+        """Stress (3, 3, e, q) of a body with a material, at points of integration [stress].
+
+        Of displacements u (n,); that of a temperature is not in it.
+        """
+        if not isinstance(self.material, Elastic):
+            raise InputError(
+                f"body {self.name!r} keeps no material that would tell its stress: give "
+                "sc.Elastic(E, nu) in the place of its stiffness, or use sc.nodal_stress"
+            )
+        gradients = Gradients(self.basis, self.measure, self.axisymmetric, f"body {self.name!r}")
+        return self.material.stress(gradients.of(u))
 
     def stiffness(self, K: Any, what: str) -> csr_matrix:
         """The stiffness (n, n) that a user means: a matrix, or a form."""

@@ -108,9 +108,9 @@ class Continuum:
         except NotImplementedError as error:
             raise InputError(f"{self.whose}: {error}; its material needs `energy`") from error
         if self.split is not None:
-            J, volume = dilatation(H, self.finite_strain)[0], dx.sum(axis=1)
-            mean = self.split.volumetric((J * dx).sum(axis=1) / volume)[0]
-            stored = stored - self.split.volumetric(J)[0] + mean[:, None]
+            growth, volume = dilatation(H, self.finite_strain)[0], dx.sum(axis=1)
+            mean = self.split.volumetric((growth * dx).sum(axis=1) / volume)[0]
+            stored = stored - self.split.volumetric(growth)[0] + mean[:, None]
         return float(np.sum(stored * dx)), float(np.sum(dissipated * dx))
 
     def _parts(self) -> Iterator[slice]:
@@ -128,14 +128,14 @@ class Continuum:
             if self.split is None:
                 return self._checked(self.material(H, state), H, state)
             P, A, new = self.split.isochoric(H, state)
-            J, slope, bend = dilatation(H, self.finite_strain)
+            growth, slope, bend = dilatation(H, self.finite_strain)
         except MaterialError as error:
             element = None if error.element is None else error.element + some.start
             where = "" if element is None else f", element {element}"
             raise MaterialError(f"{self.whose}{where}: {error}", element) from None
         dx = self.gradients.dx[some]
         volume = dx.sum(axis=1)
-        _, p, dp = self.split.volumetric((J * dx).sum(axis=1) / volume)
+        _, p, dp = self.split.volumetric((growth * dx).sum(axis=1) / volume)
         p = p[:, None]
         return Response(P + p * slope, A + p * bend, new, slope, dp / volume)
 

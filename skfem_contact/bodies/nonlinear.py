@@ -12,9 +12,10 @@ from scipy.sparse import csr_matrix
 from skfem import ElementTetP1, ElementTriP1
 from skfem.assembly import BilinearForm, CellBasis, LinearForm
 
-from skfem_contact.arguments import check_switch, shown, with_known_keywords
+from skfem_contact.arguments import check_switch, number, shown, with_known_keywords
 from skfem_contact.arrays import check_finite, check_size, rectangular
 from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.boundaries import boundary_dofs
 from skfem_contact.bodies.continuum import Continuum
 from skfem_contact.bodies.forms import Differentiated, Forms
 from skfem_contact.bodies.gradients import Gradients
@@ -22,7 +23,8 @@ from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points
 from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.bodies.quadrature import LINEAR, scalar_element
 from skfem_contact.errors import InputError, warn
-from skfem_contact.materials.material import FromFunction, Material, Split
+from skfem_contact.materials.material import FromFunction, Material, Split, deformation
+from skfem_contact.materials.tensors import solid
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
@@ -229,6 +231,63 @@ class NonlinearBody(Body):
         if not hasattr(self.equations, "stress"):
             raise InputError(f"body {self.name!r} is given by forms: its stresses are not known")
         return self.equations.stress(self._displacements(u), self._state(state))
+
+    def pressed(
+        self, where: str | NDArray[np.int64], pressure: float, u: ArrayLike | None = None
+    ) -> Array:
+        """The load of a fluid on a boundary, as it stands and as large as it is at displacements u.
+
+        Parameters
+        ----------
+        where : str or ndarray of int
+            Name of a boundary, or facets of the mesh.
+        pressure : float
+            By deformed area, positive inwards [stress].
+        u : ndarray, shape (n,), optional
+            Displacements of this body [length].
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            A load `f`. It belongs to u: solve again with that of the answer until it stays.
+
+        Raises
+        ------
+        InputError
+            There is no such boundary, or u has another size.
+
+        Notes
+        -----
+        By Nanson's formula the deformed area with its normal is ``J F^-T N dA``.
+
+        Examples
+        --------
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> basis = fem.Basis(fem.MeshQuad().with_defaults(), fem.ElementVector(fem.ElementQuad1()))
+        >>> seal = sc.NonlinearBody(basis, sc.NeoHooke.of(1.0, 0.3))
+        >>> longer = 0.5 * basis.doflocs[1] * (seal.dof_component == 1)  # by a half along y
+        >>> f = seal.pressed("left", 2.0, longer)
+        >>> float(f[seal.dof_component == 0].sum())
+        3.0
+        """
+        load = number(pressure, "pressure", "give one number")
+        values, measure, axisymmetric = self._displacements(u), self.measure, self.axisymmetric
+        if isinstance(where, str):
+            boundary_dofs(self.basis, where, f"pressed, body {self.name!r}")
+        basis = self.basis.boundary(where)
+
+        def work(v: Any, w: Any) -> Any:
+            H = solid(np.asarray(w["u"].grad))
+            if axisymmetric:
+                H[2, 2] = np.asarray(w["u"])[0] / w.x[0]
+            _, J, G = deformation(H)
+            d = len(v)
+            towards = np.einsum("ij...,j...->i...", G[:d, :d], w.n)
+            density = -load * J * np.einsum("i...,i...->...", towards, np.asarray(v))
+            return density if measure is None else density * measure(w.x)
+
+        return np.asarray(LinearForm(work).assemble(basis, u=basis.interpolate(values)))
 
     def _displacements(self, u: Any) -> Array:
         if u is None:

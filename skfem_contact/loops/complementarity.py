@@ -154,7 +154,7 @@ class Projection:
             trial = trial + missing[:, None] * current.direction
         size = lengths(trial)
         # what is open has no status to keep; what slips back by more than the round-off of slips sticks
-        back = ROUND_OFF * largest_length(self.moved) * self.rho.tangential + COMPUTED * bound
+        back = ROUND_OFF * largest_length(self.moved) * self.rho.tangential + 4 * EPS * bound
         back = np.minimum(self.nothing, back)
         slack = self.nothing * was_stick - back * was_slip
         if not step.all_exact:

@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 from skfem_contact.arguments import PrintedAsCall, with_known_keywords
 from skfem_contact.errors import InputError
 from skfem_contact.materials.elastic import Elastic
-from skfem_contact.materials.material import Isotropic, Split, State, deformation, take_numbers
+from skfem_contact.materials.material import (
+    Isotropic,
+    Split,
+    State,
+    deformation,
+    dilatation,
+    take_numbers,
+)
 from skfem_contact.materials.tensors import deviator, double, isotropic, trace, unit
 from skfem_contact.records import dataclass
 
@@ -52,7 +59,7 @@ class Hyperelastic(Split):
 
     def energy(self, H: Array, state: State) -> tuple[Array, Array]:
         F, J, _ = deformation(H)
-        stored = self.volumetric(J)[0]
+        stored = self.volumetric(dilatation(H, True)[0])[0]
         for c, a, invariant in self._terms():
             stored = stored + c * (J**a * INVARIANTS[invariant](F, 0)[0] - 3.0)
         return stored, np.zeros_like(J)
@@ -98,8 +105,9 @@ class NeoHooke(PrintedAsCall, Hyperelastic):
     def _terms(self) -> tuple[tuple[float, float, int], ...]:
         return ((0.5 * self.shear, 0.0, 1),)
 
-    def volumetric(self, J: Array) -> tuple[Array, Array, Array]:
-        mu, lam, log = self.shear, self.bulk - 2.0 / 3.0 * self.shear, np.log(J)
+    def volumetric(self, growth: Array) -> tuple[Array, Array, Array]:
+        mu, lam, log = self.shear, self.bulk - 2.0 / 3.0 * self.shear, np.log1p(growth)
+        J = 1.0 + growth
         p = (lam * log - mu) / J
         return (0.5 * lam * log - mu) * log, p, (lam - lam * log + mu) / J**2
 
@@ -148,9 +156,9 @@ class MooneyRivlin(PrintedAsCall, Hyperelastic):
         terms = (self.C10, -2.0 / 3.0, 1), (self.C01, -4.0 / 3.0, 2)
         return tuple(term for term in terms if term[0])
 
-    def volumetric(self, J: Array) -> tuple[Array, Array, Array]:
+    def volumetric(self, growth: Array) -> tuple[Array, Array, Array]:
         k = self.bulk
-        return 0.5 * k * (J - 1.0) ** 2, k * (J - 1.0), np.full_like(J, k)
+        return 0.5 * k * growth**2, k * growth, np.full_like(growth, k)
 
 
 @with_known_keywords()

@@ -86,13 +86,13 @@ class Split(Material):
         """Stress (3, 3, e, q), tangent and internal variables of the shape, as of `__call__`."""
 
     @abstractmethod
-    def volumetric(self, J: Array) -> tuple[Array, Array, Array]:
-        """U by initial volume, and two derivatives, of ``J = det F``, ``1 + tr H`` at small strains."""
+    def volumetric(self, growth: Array) -> tuple[Array, Array, Array]:
+        """U by initial volume, and two derivatives, of ``det F - 1``, ``tr H`` at small strains."""
 
     def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
         P, A, new = self.isochoric(H, state)
-        J, slope, bend = dilatation(H, self.finite_strain)
-        _, p, dp = self.volumetric(J)
+        growth, slope, bend = dilatation(H, self.finite_strain)
+        _, p, dp = self.volumetric(growth)
         s = slope[: len(H), : len(H)]
         return P + p * slope, A + p * bend + np.einsum("ij...,kl...->ijkl...", dp * s, s), new
 
@@ -206,10 +206,18 @@ def deformation(H: Array) -> tuple[Array, Array, Array]:
 
 
 def dilatation(H: Array, finite: bool) -> tuple[Array, Array, Any]:
-    """Return J (e, q), its derivative (3, 3, e, q), and d rows of the second one."""
+    """Return ``J - 1`` (e, q), its derivative (3, 3, e, q), and d rows of the second one.
+
+    Without the one, beside which small strains lose their digits: far from a small contact stresses
+    of that round-off act on large areas.
+    """
+    small = trace(H)
     if not finite:
-        return 1.0 + trace(H), np.broadcast_to(unit(2), (3, 3, *H.shape[2:])), 0.0
+        return small, np.broadcast_to(unit(2), (3, 3, *H.shape[2:])), 0.0
     _, J, G = deformation(H)
     g = G[: len(H), : len(H)]
     bend = np.einsum("ij...,kl...->ijkl...", J * g, g)
-    return J, J * G, bend - bend.transpose(0, 3, 2, 1, 4, 5)
+    h = solid(H)
+    second = 0.5 * (small**2 - np.einsum("ij...,ji...->...", h, h))
+    third = np.einsum("i...,i...->...", h[:, 0], np.cross(h[:, 1], h[:, 2], axis=0))
+    return small + second + third, J * G, bend - bend.transpose(0, 3, 2, 1, 4, 5)

@@ -161,15 +161,15 @@ class J2(PrintedAsCall, Isotropic, Split):
             p = np.where(inside, newton, 0.5 * (low + high))
         raise MaterialError("no plastic strain was found for the yield stress that is a function")
 
-    def volumetric(self, J: Array) -> tuple[Array, Array, Array]:
+    def volumetric(self, growth: Array) -> tuple[Array, Array, Array]:
         k = self.bulk
-        return 0.5 * k * (J - 1.0) ** 2, k * (J - 1.0), np.full_like(J, k)
+        return 0.5 * k * growth**2, k * growth, np.full_like(growth, k)
 
     def energy(self, H: Array, state: State) -> tuple[Array, Array]:
         strain = symmetric(solid(H)) - state["plastic_strain"]
         back = self.kinematic / 3.0 * double(state["plastic_strain"], state["plastic_strain"])
         elastic = self.shear * double(deviator(strain), deviator(strain))
-        return elastic + back + self.volumetric(1.0 + trace(H))[0], self._work(
+        return elastic + back + self.volumetric(trace(H))[0], self._work(
             state["equivalent_plastic_strain"]
         )
 

@@ -6,7 +6,7 @@ user's to change. Labels carry the units that the user gives, since nothing in t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,12 +33,23 @@ LONGEST, SHORTEST, ARROWS = 0.08, 0.03, 60
 STROKES = 0.02
 
 PRESSURE, FRICTION, LINES, TOOL = "#20618d", "#b5441c", "#3a3a3a", "#8a8a8a"
+PLAIN = "#e4e4e4"  # bodies that have no value
 SHADES = ("none", "#bcd9c4", "#f6d6ad")  # open, stick, slip: pale, to lie behind lines
 #: Legends stand above the axes, where no curve is.
 ABOVE: dict[str, Any] = {
     "loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 5, "borderaxespad": 0.2,
     "handlelength": 1.4, "columnspacing": 1.2,
 }  # fmt: skip
+
+
+def limits(values: Sequence[Array]) -> tuple[float, float]:
+    """The smallest and the largest of all values; NaN is none.
+
+    >>> limits([np.array([1.0, 2.0]), np.array([np.nan])])
+    (1.0, 2.0)
+    """
+    every = np.concatenate(values)
+    return float(np.nanmin(every)), float(np.nanmax(every))
 
 
 def arc_length(surface: ContactSurface, closed: NDArray[np.bool_]) -> Array:

@@ -23,11 +23,14 @@ from skfem_contact.errors import InputError
 from skfem_contact.sealed import sealed
 
 Array = NDArray[np.float64]
-Stress = Callable[[Body, Array], Array]
+Stress = Callable[[Body, Array], Array] | str
 
 KINDS = ("length", "force", "stress", "area", "energy", "time")
 UNITS = "give a dict such as {'length': 'mm', 'force': 'N', 'stress': 'MPa'}"
-USAGE = "give a function (body, u) -> values at the nodes, such as von_mises, or a dict of them by name"
+USAGE = (
+    "give the name of a field that materials know, such as 'von_mises', or a function (body, u) -> "
+    "values at the nodes, or a dict of them by name"
+)
 #: Components of a symmetric tensor, in the order of VTK.
 SIX = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "yz": (1, 2), "xz": (0, 2)}
 #: Nodes of a tetrahedron whose first two corners change places.
@@ -91,33 +94,35 @@ def three(vectors: Array) -> Array:
 
 
 def field_name(field: Any) -> str:
-    """Return the name of a function ``(body, u) -> values`` in files and pictures: its own.
+    """Return the name of a field in files and pictures: its own, or that of its function.
 
     >>> from functools import partial
     >>> from skfem_contact import von_mises
     >>> field_name(von_mises), field_name(partial(von_mises, E=1.0, nu=0.3)), field_name(lambda b, u: u)
     ('von_mises', 'von_mises', 'stress')
     """
+    if isinstance(field, str):
+        return field
     name = getattr(getattr(field, "func", field), "__name__", "<lambda>")
     return "stress" if name == "<lambda>" else str(name)
 
 
 def asked(stress: Any) -> dict[str, Stress]:
-    """Functions by the names of their fields.
+    """Functions, or names that materials know, by the names of their fields.
 
-    >>> asked({"sigma": lambda body, u: u}).keys(), asked(None)
-    (dict_keys(['sigma']), {})
+    >>> asked({"sigma": lambda body, u: u}).keys(), asked(["stress"]), asked(None)
+    (dict_keys(['sigma']), {'stress': 'stress'}, {})
     """
     if stress is None:
         return {}
     if isinstance(stress, Mapping):
         named = [(name, function) for name, function in stress.items()]
-    elif callable(stress) or not isinstance(stress, Iterable):
+    elif callable(stress) or isinstance(stress, str) or not isinstance(stress, Iterable):
         named = [(field_name(stress), stress)]
     else:
         named = [(field_name(function), function) for function in stress]
     for name, function in named:
-        if not callable(function) or not isinstance(name, str):
+        if not (callable(function) or isinstance(function, str)) or not isinstance(name, str):
             raise InputError(f"stress has {shown(function)} for {shown(name)}; {USAGE}")
     if len(dict(named)) < len(named):
         raise InputError("two fields have the same name: give stress={'name': function, ...}")

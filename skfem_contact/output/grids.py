@@ -32,9 +32,9 @@ from skfem_contact.output.fields import (
     asked,
     body_cells,
     body_nodes,
-    checked_field,
     three,
 )
+from skfem_contact.output.stress import field_values
 from skfem_contact.output.tools import tools
 from skfem_contact.output.view import TRUE
 from skfem_contact.records import dataclass
@@ -85,11 +85,8 @@ def bodies_grid(result: ContactResult, stress: Fields | None, units: Mapping[str
         cells.append((kind, table + start))
         numbers.append(np.full(len(table), i + 1, dtype=np.int32))
         names[f"body {i + 1}: {name}"] = i + 1
-        for key, function in wanted.items():
-            columns = as_columns(
-                checked_field(function(body, result.stretched(body)), len(nodes), name)
-            )
-            fields.setdefault(key, []).append(columns)
+        for key, wish in wanted.items():
+            fields.setdefault(key, []).append(as_columns(field_values(result, body, wish)))
         start += len(nodes)
     moved = np.concatenate(values)
     data = {"u": moved[:, 0]} if moved.shape[1] == 1 else {"displacement": three(moved)}
@@ -97,7 +94,7 @@ def bodies_grid(result: ContactResult, stress: Fields | None, units: Mapping[str
         if len({part.shape[1:] for part in parts}) > 1:
             raise InputError(f"stress {key!r} is a number for some bodies and a tensor for others")
         data[f"{key}_given" if key in data else key] = np.concatenate(parts)
-    of_fields = dict.fromkeys(data, "stress") | QUANTITIES
+    of_fields = {key: "" if key.endswith("strain") else "stress" for key in data} | QUANTITIES
     return _grid(points, cells, data, {"body": numbers}, names, of_fields, units)
 
 

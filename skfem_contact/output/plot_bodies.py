@@ -19,11 +19,13 @@ from skfem_contact.output.drawing import (
     FRICTION,
     LINES,
     LONGEST,
+    PLAIN,
     SHORTEST,
     arc_length,
     draw_faces,
     draw_lines,
     is_solid,
+    limits,
     new_axes,
     note,
 )
@@ -33,7 +35,6 @@ from skfem_contact.output.fields import (
     asked,
     body_cells,
     body_nodes,
-    checked_field,
     checked_units,
     displaced,
     labelled,
@@ -41,6 +42,7 @@ from skfem_contact.output.fields import (
 )
 from skfem_contact.output.fields import component as component_of
 from skfem_contact.output.solids import draw_bodies
+from skfem_contact.output.stress import field_values
 from skfem_contact.output.tools import tools
 from skfem_contact.output.view import Box, View, gaps_overlap, placed_tools, view, with_tools
 
@@ -79,9 +81,10 @@ def plot_deformed(
         that closed a gap g, as under a round tool, overlap by (s - 1) g in the picture, which says so
         where it is seen. "auto" keeps both small, and is never below one: what has moved far is drawn
         where it is. A translation that all bodies share is not magnified.
-    stress : callable, optional
-        ``stress(body, u)`` gives the colours, a number per node, such as `von_mises`, or a tensor or
-        vector per node, such as `nodal_stress`; by default the size of the displacement.
+    stress : str or callable, optional
+        The colours: the name of a field of `nodal_field`, such as "von_mises" or
+        "equivalent_plastic_strain", where bodies without it stay grey; or ``stress(body, u)`` with a
+        number, vector or tensor per node; by default the size of the displacement.
     ax : matplotlib Axes, optional
         Of solids with ``projection="3d"``.
     arrows : bool
@@ -187,20 +190,25 @@ def colour_name(stress: Stress | None, component: str | None, units: Mapping[str
         return labelled("displacement", "length", units)
     name = next(iter(asked(stress))).replace("_", " ")
     name = "von Mises stress" if name in ("von mises", "mises") else name
-    return labelled(f"{name} {component or ''}".strip(), "stress", units)
+    kind = "" if name.endswith("strain") else "stress"
+    return labelled(f"{name} {component or ''}".strip(), kind, units)
 
 
 def _draw_cells(ax: Any, result: ContactResult, seen: View, values: list[Array], cmap: str) -> Any:
     """The bodies with their colours and outlines."""
-    low, high = min(v.min() for v in values), max(v.max() for v in values)
+    from matplotlib.collections import PolyCollection  # optional, and slow to import
+
+    low, high = limits(values)
     image = None
     bodies = result.system.solids.values()
     for body, places, colour in zip(bodies, seen.nodes(result), values, strict=True):
         x, (kind, cells) = places.T, body_cells(body)
         triangles = np.concatenate([cells[:, local] for local in kind_of(3, cells.shape[1]).cut])
-        image = ax.tripcolor(
-            *x, triangles, colour, shading="gouraud", cmap=cmap, vmin=low, vmax=high, rasterized=True
-        )
+        if np.isnan(colour).any():  # a body without this field
+            ax.add_collection(PolyCollection(x.T[triangles], color=PLAIN, rasterized=True))
+        else:
+            style = {"cmap": cmap, "vmin": low, "vmax": high, "rasterized": True}
+            image = ax.tripcolor(*x, triangles, colour, shading="gouraud", **style)
         _outline(ax, x, cells, kind)
     return image
 
@@ -278,11 +286,8 @@ def colours(result: ContactResult, body: Body, stress: Stress | None, component:
     fields = asked(stress)
     if len(fields) != 1:
         raise InputError(f"stress has {len(fields)} fields; a picture shows one, {USAGE}")
-    ((name, function),) = fields.items()
-    name_of = result.system.names[result.system.index(body)]
-    return component_of(
-        checked_field(function(body, result.stretched(body)), len(nodes), name_of), component, name
-    )
+    ((name, wish),) = fields.items()
+    return component_of(field_values(result, body, wish), component, name)
 
 
 def _figure_size(box: Box) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import known_keywords, members
 from skfem_contact.bodies.member import Member
 from skfem_contact.errors import InputError
-from skfem_contact.output.drawing import FRICTION, LINES, LONGEST, TOOL, is_solid
+from skfem_contact.output.drawing import FRICTION, LINES, LONGEST, PLAIN, TOOL, is_solid, limits
 from skfem_contact.output.fields import Stress, body_cells, body_nodes, checked_units, quantity, three
 from skfem_contact.output.grids import vtk_numbers
 from skfem_contact.output.plot_bodies import colour_name, colours
@@ -91,14 +91,14 @@ def scene(
     plotter = pyvista.Plotter(off_screen=off_screen)
     plotter.set_background("white")
     values = [colours(result, body, stress, component) for body in shown]
-    limits = min(v.min() for v in values), max(v.max() for v in values)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for body, value in zip(shown, values, strict=True):
         grid = _grid(pyvista, result, body, seen)
         grid.point_data[label] = value
         skin = _skin(pyvista, grid)
-        bar = {"title": f"{label}\n", "color": "black", "fmt": "%.3g"}
-        plotter.add_mesh(skin, scalars=label, cmap=cmap, clim=limits, ambient=0.25, scalar_bar_args=bar)
+        style = {"cmap": cmap, "clim": limits(values), "nan_color": PLAIN, "ambient": 0.25}
+        style["scalar_bar_args"] = {"title": f"{label}\n", "color": "black", "fmt": "%.3g"}
+        plotter.add_mesh(skin, scalars=label, **style)
         _add(plotter, skin.extract_feature_edges(30.0), color=LINES, line_width=1.5)
         low, high = np.minimum(low, grid.points.min(axis=0)), np.maximum(high, grid.points.max(axis=0))
     d = 3 if solid else 2

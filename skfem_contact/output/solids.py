@@ -22,7 +22,9 @@ from skfem_contact.output.drawing import (
     FRICTION,
     LINES,
     LONGEST,
+    PLAIN,
     SHORTEST,
+    limits,
     note,
     open_words,
     solid_axes,
@@ -101,10 +103,10 @@ def draw_bodies(
         parts.append(x[front])
         shades.append(shade[front])
         outlines.append(_outline(surface, places, eye))
-    low, high = min(c.min() for c in colours), max(c.max() for c in colours)
+    low, high = limits(colours)
     x = np.concatenate(parts)
     lines = np.concatenate(outlines) + 0.005 * float(np.ptp(x.reshape(-1, 3), axis=0).max()) * eye
-    image = _faces(ax, x, np.concatenate(shades), cmap, (float(low), float(high)), lines)
+    image = _faces(ax, x, np.concatenate(shades), cmap, (low, high), lines)
     box = x.min(axis=(0, 1)), x.max(axis=(0, 1))
     if obstacles:
         box = with_tools(result, seen, box)
@@ -155,6 +157,7 @@ def _faces(
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     image = ScalarMappable(Normalize(*limits), cmap)
+    image.set_cmap(image.get_cmap().with_extremes(bad=PLAIN))
     colours = image.to_rgba(values)
     # an edge of the same colour closes the gaps between neighbours
     drawn, widths = x, np.full(len(x), 0.3)

@@ -1,4 +1,4 @@
-"""Stresses at the nodes of linear elastic bodies: for pictures and files, not for the solver."""
+"""Stresses, and what materials remember, at the nodes: for pictures and files, not for the solver."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm
 from skfem.models.elasticity import lame_parameters
 
-from skfem_contact.arguments import check_kind, known_keywords, number, numbers, shown
+from skfem_contact.answers.result import ContactResult
+from skfem_contact.arguments import check_kind, known_keywords, number, numbers, shown, suggest
 from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.member import Member
 from skfem_contact.errors import InputError
-from skfem_contact.output.fields import body_nodes
+from skfem_contact.output.fields import Stress, body_nodes, checked_field
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
@@ -138,10 +140,96 @@ def von_mises(
     >>> von_mises(bar, u, E=200.0, nu=0.3, plane="stress").round(9)
     array([2., 2., 2., 2.])
     """
-    stress = nodal_stress(body, u, E=E, nu=nu, plane=plane)
+    return _mises(nodal_stress(body, u, E=E, nu=nu, plane=plane))
+
+
+def _mises(stress: Array) -> Array:
     mean = np.trace(stress, axis1=1, axis2=2) / 3.0
     deviator = stress - mean[:, None, None] * np.eye(3)
     return np.sqrt(1.5 * np.sum(deviator**2, axis=(1, 2)))
+
+
+@known_keywords()
+def nodal_field(result: ContactResult, body: Member | str, field: str) -> Array:
+    """What the material of a body knows, at its nodes: its stress, or an internal variable.
+
+    Parameters
+    ----------
+    result : ContactResult
+    body : Body or str
+    field : str
+        "stress", Cauchy's tensor; "von_mises", its norm; or the name of an internal variable, such as
+        "equivalent_plastic_strain" of `J2`.
+
+    Returns
+    -------
+    ndarray, shape (nodes,) or (nodes, 3, 3)
+        The nodes are those of the scalar element, in the order of its DOFs.
+
+    Raises
+    ------
+    InputError
+        The body has no such field: stresses are known of bodies with a material.
+
+    Notes
+    -----
+    Values at points of integration are projected in L2 on the continuous finite elements, as those of
+    `nodal_stress`. Where a field is steep a projection passes its bounds a little; numbers that are
+    nowhere negative stay so.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> billet = sc.NonlinearBody(basis, sc.J2(1000.0, 0.3, 1.0), D="top", name="billet")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(billet.surface("bottom"), floor)
+    >>> result = sc.ContactSolver(billet, foot).solve(x={"billet": {"top": (0.0, -0.01)}})
+    >>> bool(sc.nodal_field(result, billet, "equivalent_plastic_strain").max() > 0.005)
+    True
+    >>> sc.nodal_field(result, billet, "plastic_strain").shape
+    (25, 3, 3)
+    """
+    check_kind(result, ContactResult, "result", "what a solver returns")
+    own: Any = result.system.bodies[result.system.index(body)]
+    known = _known(result, own)
+    if field not in known:
+        raise InputError(
+            f"body {result.system.names[result.system.index(body)]!r} has no field {shown(field)}"
+            f"{suggest(field, known, 'fields') if known else f'; {NO_MATERIAL}'}"
+        )
+    values = result.stress(body) if field in STRESSES else result.state[known[field]][field]
+    nodal = Projection.of(own).of_points(own.basis, values)
+    if np.min(values) >= 0.0:
+        nodal = np.maximum(nodal, 0.0)
+    return _mises(nodal) if field == "von_mises" else nodal
+
+
+STRESSES = "stress", "von_mises"
+NO_MATERIAL = (
+    "it keeps no material: give sc.Elastic(E, nu) in the place of a stiffness, or a function "
+    "(body, u), such as one that calls von_mises"
+)
+
+
+def _known(result: ContactResult, body: Any) -> dict[str, str]:
+    """Names of the fields that the material of a body knows, each with the name of the body."""
+    name = result.system.names[result.system.index(body)]
+    stresses = STRESSES if getattr(body, "material", None) is not None else ()
+    return dict.fromkeys((*stresses, *result.state.get(name, ())), name)
+
+
+def field_values(result: ContactResult, body: Body, field: Stress) -> Array:
+    """Values at the nodes of a body, of a function or by name; NaN where another body has the field."""
+    index, nodes = result.system.index(body), len(body_nodes(body))
+    if callable(field):
+        return checked_field(field(body, result.stretched(body)), nodes, result.system.names[index])
+    others = [b for b in result.system.solids.values() if field in _known(result, b)]
+    if body in others or not others:
+        return checked_field(nodal_field(result, body, field), nodes, result.system.names[index])
+    return np.full((nodes, *nodal_field(result, others[0], field).shape[1:]), np.nan)
 
 
 # Error that is left of a projection, over its size: round-off; and how many products with the mass
@@ -189,6 +277,15 @@ class Projection:
         right = np.concatenate([G @ values for G in self._gradients], axis=1)
         along = self._solved(right).reshape(len(values), -1, values.shape[1])
         return np.swapaxes(along, 1, 2)
+
+    def of_points(self, basis: Any, values: Array) -> Array:
+        """The projection (nodes, ...) of values (..., e, q) at the points of integration of a basis."""
+        own = basis.with_element(basis.elem.elem)
+        flat = np.reshape(values, (-1, *np.shape(values)[-2:]))
+        right = np.zeros((own.N, len(flat)))
+        for dofs, shape in zip(own.element_dofs, own.basis, strict=True):
+            np.add.at(right, dofs, np.einsum("keq,eq->ek", flat, np.asarray(shape[0]) * own.dx))
+        return self._solved(right).reshape(own.N, *np.shape(values)[:-2])
 
     def over_radius(self, values: Array) -> Array:
         """The quotient (nodes,) of a field (nodes,) and the first coordinate."""

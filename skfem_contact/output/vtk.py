@@ -48,8 +48,9 @@ def write(
     path : str or Path
         Ends in ``.vtu`` or ``.vtk``; missing folders are made.
     result : ContactResult
-    stress : callable, list or dict of callables, optional
-        ``stress(body, u)`` returns a number for each node of the body, such as
+    stress : str or callable, list or dict of them, optional
+        Names of fields of `nodal_field`, such as "stress" or "equivalent_plastic_strain", NaN on bodies
+        without them. Or ``stress(body, u)`` returns a number for each node of the body, such as
         `skfem_contact.von_mises`, a vector, or a tensor (nodes, 3, 3), such as `nodal_stress`. It is
         written by the name of the function (``stress`` for a lambda), or by its name in the dict.
     time : float, optional
