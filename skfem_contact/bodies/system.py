@@ -90,12 +90,18 @@ class System:
         return sealed(np.concatenate([body.f / self.scale(body) for body in self.bodies]))
 
     def linearize(self) -> tuple[list[csr_matrix], np.ndarray]:
-        """Stiffness of each undeformed body and the loads that act on all from outside, (n,)."""
+        """Stiffness of each undeformed body and the loads on all, (n,), less what strains them already.
+
+        Of bodies that are not linear the loads from outside: their internal force is asked for later.
+        """
         bodies: tuple[Linearizable, ...] = self.bodies
         answers = [body.linearize() for body in bodies]
         pairs = list(zip(self.bodies, answers, strict=True))
         K = [self.scaled(body, answer.K) for body, answer in pairs]
-        f = [body.f / self.scale(body) for body in self.bodies]
+        f = [
+            (body.f if body.nonlinear else body.f - answer.internal) / self.scale(body)
+            for body, answer in pairs
+        ]
         return K, sealed(np.concatenate(f))
 
     def scale(self, body: Member | str) -> np.ndarray | float:
