@@ -277,8 +277,8 @@ class NonlinearSearch:
         base, options = self.stepper.model, self.stepper.options
         model = base.with_tangents(at.stiffness)
         by = replace(self.stepper, model=model, options=replace(options, max_cuts=0))
-        target = copied(step.target, f=step.target.f + at.fictitious(base.system), factor=None)
-        step = replace(step, target=target, workspace=Workspace())
+        target = copied(step.target, factor=None)
+        step = replace(step, target=target, workspace=Workspace(), origin=at.origin(base.system))
         # in space directions of friction turn, which takes more than a few: the next begins anew
         turns = model.kin.tangents > 1 and bool(model.interface.laws)
         if not (exact or turns or model.motions.k):

@@ -300,16 +300,18 @@ def second_order(attempt: Attempt) -> dict[str, float]:
     problem, seen = attempt.problem, attempt.seen
     load, response = attempt.load, attempt.outcome.iterate.response
     with single_threaded():
-        u = problem.surface(problem.source(load, response), seen)
+        source = problem.source(load, response)
+        u = problem.surface(source, attempt.posed(seen))
+        origin = 0.0 if attempt.origin is None else attempt.origin.u
         f, found = np.array(seen.f), dict[RigidBody, tuple[float, Array]]()
         for body in leaning:
-            moment, arm, along = _moment(attempt, body, u)
+            moment, arm, along = _moment(attempt, body, u + origin)
             dofs = system.slice(body).start + body.rotations
             f[dofs] += moment / system.extent
             found[body] = arm, along
         if np.array_equal(f, seen.f):
             return {}
-        turned = replace(seen, f=f)
+        turned = attempt.posed(replace(seen, f=f))
         again = problem.load(turned)
         if problem.springs is not None:  # which have no strain in the answer, and are none here
             again = problem.at_forces(again, response.normal_force, response.tangential_force)
