@@ -126,11 +126,15 @@ class Placed:
         stiffness = tuple(K if K is own else csr_matrix(K + share * own) for K, own in pairs)
         return Placed(self.u, stiffness, self.internal, self.material, self.trend)
 
-    def origin(self, system: System) -> Origin:
-        """What the linear problem near here counts from: here, and zero of linear bodies."""
+    def origin(self, model: LinearModel) -> Origin:
+        """What the linear problem near here counts from: here, and zero of linear condensed bodies.
+
+        A condensed body remembers what its loads do, which are the same in all iterates.
+        """
+        system = model.system
         u, forces = np.zeros(system.n), np.zeros(system.n)
         for body in system.bodies:
-            if body.nonlinear:
+            if body.nonlinear or model.route != "condensed":
                 part = system.slice(body)
                 u[part], forces[part] = self.u[part], self.internal[part]
         return Origin(u, forces, self.stiffness)

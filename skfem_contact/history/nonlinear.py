@@ -35,6 +35,7 @@ from skfem_contact.answers.placed import Placed, point_forces
 from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.state import OPEN, LocalState
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.history.equilibrium import ARRIVED, EquilibriumSearch, Verdict
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
     from skfem_contact.history.equilibrium import Known
     from skfem_contact.history.grip import Grip
     from skfem_contact.history.neutral_equilibrium import Rest
+    from skfem_contact.problem.response import Response
 
 Array = NDArray[np.float64]
 
@@ -278,17 +280,18 @@ class NonlinearSearch:
         model = base.with_tangents(at.stiffness)
         by = replace(self.stepper, model=model, options=replace(options, max_cuts=0))
         target = copied(step.target, factor=None)
-        step = replace(step, target=target, workspace=Workspace(), origin=at.origin(base.system))
-        # in space directions of friction turn, which takes more than a few: the next begins anew
+        step = replace(step, target=target, workspace=Workspace(), origin=at.origin(base))
+        # in space directions of friction turn, which takes more than a few: the next begins anew; and
+        # where linear problems are iterated, the first of a few are rough
         turns = model.kin.tangents > 1 and bool(model.interface.laws)
-        if not (exact or turns or model.motions.k):
+        if not (exact or turns or model.motions.k or model.route in ROUGH):
             few = replace(by.options, max_iterations=CONTACT_ITERATIONS)
             try:
                 attempt = self._attempted(replace(by, options=few), step)
             except (SingularMatrix, LinearSolveError):
                 attempt = None
             if attempt is not None and np.isfinite(attempt.outcome.iterate.residual):
-                return self._of(attempt, Recovery.of(attempt)())
+                return self._of(*refined(attempt, Recovery.of(attempt)()))
         search = EquilibriumSearch(by, step, self.start)
         try:
             verdict = search.find()
@@ -297,8 +300,10 @@ class NonlinearSearch:
         if not verdict.arrived:
             attempt = search.advance.attempt if verdict.reached else None
             return Solved(attempt, at.u, at.u, verdict)
-        self._search = search
-        return self._of(search.advance.attempt, search.recovery())
+        self._search, attempt, u = search, search.advance.attempt, search.recovery()
+        if attempt.model is model:  # and no springs hold it
+            attempt, u = refined(attempt, u)
+        return self._of(attempt, u)
 
     @staticmethod
     def _attempted(by: Stepper, step: LoadStep) -> Attempt:
@@ -372,6 +377,55 @@ class NonlinearSearch:
         return replace(verdict, carries=carries, reached=reached)
 
 
+def refined(attempt: Attempt, u: Array) -> tuple[Attempt, Array]:
+    """An attempt and its displacements (n,), with points closed and in place as far as digits go.
+
+    Where displacements follow from forces on a body that is about to flow, or to buckle, their
+    round-off moves it far. What is wrong with gaps, slips and friction then is solved for once more,
+    with the same points closed (iterative refinement).
+    """
+    problem, it = attempt.problem, attempt.outcome.iterate
+    answer, given = it.response, it.conditions
+    if problem.springs is not None or not problem.source(attempt.load, answer).forces:
+        return attempt, u
+    kin, still = problem.kin, np.zeros(len(u))
+    slip = (kin.B_t @ u).reshape(answer.slip.shape) + attempt.seen.slip0
+    law = given.offset + given.coupling * answer.normal_force[:, None] - answer.tangential_force
+    case = copied(
+        attempt.seen,
+        f=still,
+        x=still,
+        gap0=kin.B_n @ u + attempt.seen.gap0,
+        slip0=slip - given.anchor,
+    )
+    load = problem.load(case)
+    conditions = replace(given, anchor=np.zeros(slip.shape), offset=law, rough=False)
+    try:
+        left = problem.solve(conditions, load)
+    except (SingularMatrix, LinearSolveError):  # what is left is round-off of iterated problems
+        return attempt, u
+    more = replace(Recovery.of(attempt), found=problem.source(load, left), components=load.components)
+    du = replace(more, case=case, shift=None)()
+    return replace(attempt, local=_moved(attempt, left, du)), u + du
+
+
+def _moved(attempt: Attempt, left: Response, du: Array) -> LocalState:
+    """The state of an attempt after what was left has been solved for as well."""
+    local, it = attempt.local, attempt.outcome.iterate
+    closed, dofs = local.status != OPEN, attempt.model.geometry.surface_dofs
+    slip = local.slip + (left.slip + it.conditions.anchor - it.response.slip)
+    surface = local.surface + du[dofs] if len(local.surface) else local.surface
+    return replace(
+        local,
+        gap=np.where(closed, local.gap, left.gap),
+        slip=slip,
+        reference=np.where(closed[:, None], local.reference, slip),
+        normal_force=local.normal_force + np.where(closed, left.normal_force, 0.0),
+        tangential_force=local.tangential_force + np.where(closed[:, None], left.tangential_force, 0.0),
+        surface=surface,
+    )
+
+
 def _load(step: LoadStep, share: float) -> str:
     """The load factor at a share of a step, in words, where both ends have one."""
     before, target = step.before.scale[0], step.target.factor
@@ -380,6 +434,8 @@ def _load(step: LoadStep, share: float) -> str:
     return f" (a load factor of {before + share * (target - before):.4g})"
 
 
+#: Routes whose linear problems are iterated.
+ROUGH = "iterated", "multigrid"
 WEAR = (
     "A contact with wear has a body that is not linear: what wears off is not solved together with the "
     "deformation of such bodies. Leave out wear=..., or make the bodies linear."
