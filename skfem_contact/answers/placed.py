@@ -126,6 +126,13 @@ class Placed:
         stiffness = tuple(K if K is own else csr_matrix(K + share * own) for K, own in pairs)
         return Placed(self.u, stiffness, self.internal, self.material, self.trend)
 
+    def resisting(self, system: System, u: Array) -> Array:
+        """What the bodies as linearised here resist displacements u (n,) with, (n,) [force]."""
+        out = np.array(self.internal)
+        for part, K in zip(slices(system.offsets), self.stiffness, strict=True):
+            out[part] += K @ (u[part] - self.u[part])
+        return out
+
     def origin(self, model: LinearModel) -> Origin:
         """What the linear problem near here counts from: here, and zero of linear condensed bodies.
 

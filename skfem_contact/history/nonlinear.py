@@ -29,14 +29,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import LinAlgError
 
 from skfem_contact.answers.newton import Iteration
 from skfem_contact.answers.placed import Placed, point_forces
+from skfem_contact.arrays import largest
 from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, LocalState
-from skfem_contact.digits import GIVEN
+from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.history.equilibrium import ARRIVED, EquilibriumSearch, Verdict
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, nothing
@@ -259,17 +261,18 @@ class NonlinearSearch:
         return settled(by, attempt, own[0], mismatch)
 
     def _forecast(self, part: LoadStep) -> Placed:
-        """Where the bodies are linearised first: on the way of the step before, if this one goes on."""
+        """Where bodies are linearised first: on the way of the step before, or a little way back."""
         begin, system = self.placed, self.stepper.model.system
         moved, way = (part.target.x - part.before.x)[system.D], begin.trend[system.D]
-        ratio = 0.0
         if way.any() and moved.any():
             ratio = float(moved @ way / (way @ way))
-        elif not moved.any() and (part.target.f - part.before.f) @ begin.trend > 0:
-            ratio = part.share
-        if ratio > 0.0:
+        else:
+            ratio = part.share * float(np.sign(_work(part, self.stepper.model.kin, begin.trend)))
+        if begin.trend.any():
             try:
-                return begin.moved(system, begin.u + min(ratio, LONGER) * begin.trend)
+                # a little way back what yielded is elastic again; just here, round-off would decide
+                ratio = min(ratio, LONGER) if ratio > 0 else -GIVEN
+                return begin.moved(system, begin.u + ratio * begin.trend)
             except MaterialError:
                 pass
         return begin.moved(system, begin.u)
@@ -288,21 +291,26 @@ class NonlinearSearch:
             few = replace(by.options, max_iterations=CONTACT_ITERATIONS)
             try:
                 attempt = self._attempted(replace(by, options=few), step)
-            except (SingularMatrix, LinearSolveError):
+            except UNSOLVED:
                 attempt = None
             if attempt is not None and np.isfinite(attempt.outcome.iterate.residual):
-                return self._of(*refined(attempt, Recovery.of(attempt)()))
+                attempt, u = refined(attempt, Recovery.of(attempt)(), at)
+                if holds(attempt, u):
+                    return self._of(attempt, u)
         search = EquilibriumSearch(by, step, self.start)
         try:
             verdict = search.find()
-        except SingularMatrix:
+        except UNSOLVED as error:
+            self._why = str(error)
             return Solved(None, at.u, at.u, Verdict(advice=SINGULAR, reached=False))
         if not verdict.arrived:
             attempt = search.advance.attempt if verdict.reached else None
             return Solved(attempt, at.u, at.u, verdict)
         self._search, attempt, u = search, search.advance.attempt, search.recovery()
         if attempt.model is model:  # and no springs hold it
-            attempt, u = refined(attempt, u)
+            attempt, u = refined(attempt, u, at)
+        if not holds(attempt, u):
+            return Solved(None, at.u, at.u, Verdict(advice=SINGULAR, reached=False))
         return self._of(attempt, u)
 
     @staticmethod
@@ -377,24 +385,29 @@ class NonlinearSearch:
         return replace(verdict, carries=carries, reached=reached)
 
 
-def refined(attempt: Attempt, u: Array) -> tuple[Attempt, Array]:
+def refined(attempt: Attempt, u: Array, at: Placed) -> tuple[Attempt, Array]:
     """An attempt and its displacements (n,), with points closed and in place as far as digits go.
 
     Where displacements follow from forces on a body that is about to flow, or to buckle, their
     round-off moves it far. What is wrong with gaps, slips and friction then is solved for once more,
-    with the same points closed (iterative refinement).
+    with the same points closed (iterative refinement); where the linear problem itself was iterated,
+    with the forces that are missing to its equilibrium as well.
     """
-    problem, it = attempt.problem, attempt.outcome.iterate
+    problem, it, rough = attempt.problem, attempt.outcome.iterate, attempt.model.route in ROUGH
     answer, given = it.response, it.conditions
-    if problem.springs is not None or not problem.source(attempt.load, answer).forces:
+    by_forces = rough or problem.source(attempt.load, answer).forces
+    if problem.springs is not None or not by_forces:
         return attempt, u
-    kin, still = problem.kin, np.zeros(len(u))
+    kin, f = problem.kin, np.zeros(len(u))
+    if rough:
+        f = attempt.case.f - at.resisting(attempt.model.system, u) + point_forces(kin, attempt.local)
+        f[attempt.model.system.D] = 0.0
     slip = (kin.B_t @ u).reshape(answer.slip.shape) + attempt.seen.slip0
     law = given.offset + given.coupling * answer.normal_force[:, None] - answer.tangential_force
     case = copied(
         attempt.seen,
-        f=still,
-        x=still,
+        f=f,
+        x=np.zeros(len(u)),
         gap0=kin.B_n @ u + attempt.seen.gap0,
         slip0=slip - given.anchor,
     )
@@ -402,11 +415,26 @@ def refined(attempt: Attempt, u: Array) -> tuple[Attempt, Array]:
     conditions = replace(given, anchor=np.zeros(slip.shape), offset=law, rough=False)
     try:
         left = problem.solve(conditions, load)
-    except (SingularMatrix, LinearSolveError):  # what is left is round-off of iterated problems
+    except UNSOLVED:  # what is left is round-off of iterated problems
         return attempt, u
     more = replace(Recovery.of(attempt), found=problem.source(load, left), components=load.components)
     du = replace(more, case=case, shift=None)()
     return replace(attempt, local=_moved(attempt, left, du)), u + du
+
+
+def holds(attempt: Attempt, u: Array) -> bool:
+    """Whether displacements (n,) have the gaps and slips of the points that carry forces.
+
+    They follow from matrices that may have no digits, where bodies flow or buckle.
+    """
+    if not (np.all(np.isfinite(u)) and attempt.outcome.converged):
+        return bool(np.all(np.isfinite(u)))
+    kin, local, seen = attempt.problem.kin, attempt.local, attempt.seen
+    closed = local.status != OPEN
+    wrong = (kin.B_n @ u + seen.gap0 - local.gap)[closed]
+    slip = (kin.B_t @ u).reshape(seen.slip0.shape) + seen.slip0 - local.slip
+    wrong = np.append(wrong, slip[local.tangential_force != 0])
+    return largest(np.abs(wrong)) <= SOLVED * max(attempt.model.system.extent, largest(np.abs(u)))
 
 
 def _moved(attempt: Attempt, left: Response, du: Array) -> LocalState:
@@ -426,6 +454,15 @@ def _moved(attempt: Attempt, left: Response, du: Array) -> LocalState:
     )
 
 
+def _work(part: LoadStep, kin: Kinematics, trend: Array) -> float:
+    """What changes of loads and obstacles would do on the way of the step before [energy]."""
+    state, before, target = part.state.along(kin), part.before, part.target
+    pressed = state.normal_force != 0
+    pushed = (before.gap0 - target.gap0)[pressed] @ state.normal_force[pressed]
+    rubbed = np.vdot((target.slip0 - before.slip0)[pressed], state.tangential_force[pressed])
+    return float((target.f - before.f) @ trend + pushed + rubbed)
+
+
 def _load(step: LoadStep, share: float) -> str:
     """The load factor at a share of a step, in words, where both ends have one."""
     before, target = step.before.scale[0], step.target.factor
@@ -436,6 +473,8 @@ def _load(step: LoadStep, share: float) -> str:
 
 #: Routes whose linear problems are iterated.
 ROUGH = "iterated", "multigrid"
+#: What a linear problem raises that has no answer, or none that is found.
+UNSOLVED = SingularMatrix, LinearSolveError, LinAlgError
 WEAR = (
     "A contact with wear has a body that is not linear: what wears off is not solved together with the "
     "deformation of such bodies. Leave out wear=..., or make the bodies linear."

@@ -28,6 +28,8 @@ from skfem_contact.linalg.backend import Backend, BodyFactor
 from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
+from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.linalg.thresholds import NO_PIVOT
 from skfem_contact.once import Lock, once
 from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS, SAME_LOAD
 from skfem_contact.records import dataclass
@@ -281,7 +283,10 @@ class Substructure:
             self.definite = False
         S = self.S.copy()  # what Cholesky began with is lost
         S[np.diag_indices_from(S)] += springs
-        return lu(S).solve(np.eye(len(S)))
+        factors = lu(S)
+        if not factors.even(NO_PIVOT):
+            raise SingularMatrix("a body that is not stable moves without resistance")
+        return factors.solve(np.eye(len(S)))
 
     @once
     def softness(self) -> Array:
