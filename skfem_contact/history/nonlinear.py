@@ -194,8 +194,8 @@ class NonlinearSearch:
             attempt = solved.attempt
             forces = solved.forces if forces is None else forces + share * (solved.forces - forces)
             missing, limit, scale = self._residual(part.target, there, forces)
-            largest = float(np.max(np.abs(missing)))
-            residual = largest / scale
+            most_missing = float(np.max(np.abs(missing)))
+            residual = most_missing / scale
             record = Iteration(number, parts.aim, residual, share, len(attempt.outcome.trace))
             self.newton.append(record)
             logger.debug("%s", record)
@@ -206,7 +206,7 @@ class NonlinearSearch:
             if attempt.travel > 1.0 and attempt.failure:
                 self._why = attempt.failure
                 return self._gives_up()
-            balanced = share == 1.0 and largest <= limit
+            balanced = share == 1.0 and most_missing <= limit and holds(solved.attempt, there.u)
             if balanced and attempt.good:
                 self._arrive(part, attempt, there)
                 return ARRIVED
@@ -295,7 +295,7 @@ class NonlinearSearch:
                 attempt = None
             if attempt is not None and np.isfinite(attempt.outcome.iterate.residual):
                 attempt, u = refined(attempt, Recovery.of(attempt)(), at)
-                if holds(attempt, u):
+                if usable(attempt, u):
                     return self._of(attempt, u)
         search = EquilibriumSearch(by, step, self.start)
         try:
@@ -309,7 +309,7 @@ class NonlinearSearch:
         self._search, attempt, u = search, search.advance.attempt, search.recovery()
         if attempt.model is model:  # and no springs hold it
             attempt, u = refined(attempt, u, at)
-        if not holds(attempt, u):
+        if not usable(attempt, u):
             return Solved(None, at.u, at.u, Verdict(advice=SINGULAR, reached=False))
         return self._of(attempt, u)
 
@@ -422,13 +422,19 @@ def refined(attempt: Attempt, u: Array, at: Placed) -> tuple[Attempt, Array]:
     return replace(attempt, local=_moved(attempt, left, du)), u + du
 
 
-def holds(attempt: Attempt, u: Array) -> bool:
-    """Whether displacements (n,) have the gaps and slips of the points that carry forces.
+def usable(attempt: Attempt, u: Array) -> bool:
+    """Whether displacements (n,) may be gone on from.
 
-    They follow from matrices that may have no digits, where bodies flow or buckle.
+    They follow from matrices that may have no digits, where bodies flow or buckle. What is seen
+    through springs comes to its place by and by, in the iterates that follow.
     """
-    if not (np.all(np.isfinite(u)) and attempt.outcome.converged):
-        return bool(np.all(np.isfinite(u)))
+    if not np.all(np.isfinite(u)):
+        return False
+    return not attempt.outcome.converged or attempt.problem.springs is not None or holds(attempt, u)
+
+
+def holds(attempt: Attempt, u: Array) -> bool:
+    """Whether displacements (n,) have the gaps and slips of the points that carry forces."""
     kin, local, seen = attempt.problem.kin, attempt.local, attempt.seen
     closed = local.status != OPEN
     wrong = (kin.B_n @ u + seen.gap0 - local.gap)[closed]
