@@ -276,6 +276,8 @@ class Substructure:
             return np.zeros((0, 0))
         springs = np.sum(self.springs**2, axis=1)
         S = self._factor.take_S()
+        if not S.size:  # asked for before, in vain
+            S = self.S.copy()
         S[np.diag_indices_from(S)] += springs
         try:
             return cholesky(S.T, overwrite=True).inverse()
