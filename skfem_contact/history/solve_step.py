@@ -144,6 +144,7 @@ class StepSolver(ByFields):
             result.diagnose(diagnostics)
             result.diagnose(self.watch.warn(result))
             _warn(result)
+            _remark(result, getattr(found, "remarks", {}))
         if verdict.arrived or not throw:
             return result
         raise verdict.error(self.stepper.loop, ContactResult(result))
@@ -278,6 +279,16 @@ def _warn(result: Answer) -> None:
         "(Said once in a history; result.indifferent has it in every step.)"
     )
     issued = known.issued | {("place", words) for words in new}
+    result.diagnose(replace(known, issued=issued))
+
+
+def _remark(result: Answer, remarks: dict[str, str]) -> None:
+    """Say what is to be said of bodies that are not linear, once in a history."""
+    known = result.diagnostics
+    for about, words in remarks.items():
+        if ("remark", about) not in known.issued:
+            warn(words + " (Said once in a history.)")
+    issued = known.issued | {("remark", about) for about in remarks}
     result.diagnose(replace(known, issued=issued))
 
 

@@ -194,6 +194,7 @@ class Substructure:
 
     keeps_contact = True  # or contact DOFs are eliminated like all others
     definite = True  # but the tangent of a body that is not linear may be none of a stable state
+    shaky = False  # and neither is what is condensed of it
 
     def __init__(
         self,
@@ -235,6 +236,7 @@ class Substructure:
             if self.body.nonlinear:  # on the way of Newton's method, or of a body that buckles
                 from skfem_contact.linalg.indefinite import IndefiniteFactor
 
+                self.shaky = True
                 K = csr_matrix(self.K[self.free][:, self.free])
                 return IndefiniteFactor(K, self.body.dof_points[self.free], place)
             raise InputError(
@@ -282,7 +284,7 @@ class Substructure:
         try:
             return cholesky(S.T, overwrite=True).inverse()
         except NoPivot:
-            self.definite = False
+            self.definite, self.shaky = False, True
         S = self.S.copy()  # what Cholesky began with is lost
         S[np.diag_indices_from(S)] += springs
         factors = lu(S)
