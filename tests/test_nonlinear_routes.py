@@ -19,7 +19,7 @@ OTHERS.append(pytest.param(sc.AMG(), id="multigrid"))
 def plane(linear: Any) -> tuple[sc.ContactSolver, list[Any]]:
     """A billet under an elastic tool: pressed, pushed aside, drawn back."""
     bases = []
-    for x, y, nx, ny in (((0, 1), (0, 1), 5, 5), ((-0.25, 1.15), (1, 1.5), 6, 2)):
+    for x, y, nx, ny in (((0, 1), (0, 1), 4, 4), ((-0.25, 1.15), (1, 1.5), 5, 2)):
         mesh = fem.MeshQuad.init_tensor(np.linspace(*x, nx + 1), np.linspace(*y, ny + 1))
         bases.append(fem.Basis(mesh.with_defaults(), fem.ElementVector(fem.ElementQuad1()), intorder=2))
     law = sc.J2(E, NU, [[YIELD, 0.0], [YIELD + H, 1.0]])
@@ -34,7 +34,7 @@ def plane(linear: Any) -> tuple[sc.ContactSolver, list[Any]]:
 def solid(linear: Any) -> tuple[sc.ContactSolver, list[Any]]:
     """The same in space, where directions of friction turn, of rubber that is softer than its tool."""
     bases = []
-    for low, high, n, m in ((0.0, 1.0, 3, 2), (1.0, 1.5, 4, 1)):
+    for low, high, n, m in ((0.0, 1.0, 2, 2), (1.0, 1.5, 3, 1)):
         side = np.linspace(0, 1, n + 1)
         mesh = fem.MeshHex.init_tensor(side, side, np.linspace(low, high, m + 1))
         bases.append(fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2))
@@ -101,3 +101,48 @@ def test_a_limit_load_costs_no_digits(friction: float, linear: Any) -> None:
     assert len(back.newton) <= 2  # elastic
     if not friction:
         assert_allclose(-results[-1].force[1], np.pi, rtol=1e-9)  # the yield stress on the area
+
+
+def column(push: float) -> tuple[sc.ContactSolver, list[Any]]:
+    """A column of rubber under a plate that is glued to it, and pressed beyond its buckling load."""
+    bases = []
+    for x, y, nx, ny in (((-0.5, 0.5), (0, 9.5), 2, 19), ((-2, 2), (9.5, 10.5), 4, 1)):
+        mesh = fem.MeshQuad.init_tensor(np.linspace(*x, nx + 1), np.linspace(*y, ny + 1))
+        bases.append(fem.Basis(mesh.with_defaults(), fem.ElementVector(fem.ElementQuad1()), intorder=2))
+    f = bases[0].zeros()
+    f[bases[0].get_dofs(lambda x: abs(x[1] - 4.75) < 0.3).all("u^1")] = push
+    rubber = sc.NonlinearBody(bases[0], sc.NeoHooke.of(1.0, 0.3), f=f, D="bottom", name="column")
+    head = sc.Body(bases[1], sc.Elastic(1000.0, 0.3), D="top", name="head")
+    glue = sc.Contact(rubber.surface("top"), head.surface("bottom"), tied=True)
+    steps = [{"x": {"head": {"top": (0.0, -down)}}} for down in (0.2, 0.35, 0.45)]
+    return sc.ContactSolver([rubber, head], [glue]), steps
+
+
+def test_an_answer_that_is_not_stable_is_named() -> None:
+    """A column that nothing pushes aside stays straight beyond Euler's load, and the answer says so.
+
+    It strains it by (pi b / L)^2 / 3, 3.7 %, and so shortens it by .35.
+    """
+    solver, steps = column(0.0)
+    list(solver.history(steps[:1]))  # stable, without a word
+    with pytest.warns(sc.ContactWarning, match="not stable"):
+        list(solver.history(steps))
+    solver, steps = column(1e-3)  # gives way, and is stable where it comes to
+    list(solver.history(steps))
+
+
+def test_surfaces_that_turn_under_small_sliding_are_named() -> None:
+    """Contact is on the deformed surfaces with sliding="finite" alone: with "small" a word is said."""
+    bases = []
+    for x, y, nx, ny in (((0, 10), (0, 1), 20, 2), ((7, 8), (1, 2), 4, 4)):
+        mesh = fem.MeshQuad.init_tensor(np.linspace(*x, nx + 1), np.linspace(*y, ny + 1))
+        bases.append(fem.Basis(mesh.with_defaults(), fem.ElementVector(fem.ElementQuad1()), intorder=2))
+    beam = sc.NonlinearBody(bases[0], sc.NeoHooke.of(1000.0, 0.3), D="left", name="beam")
+    tool = sc.Body(bases[1], sc.Elastic(1e5, 0.3), D="top", name="tool")
+    tip = sc.Contact(tool.surface("bottom"), beam.surface("top"), name="tip")
+    solver = sc.ContactSolver([beam, tool], [tip])
+    step = {"x": {"tool": {"top": (0.0, -0.2)}}}
+    (first,) = solver.history([step])
+    for down, words in ((1.0, "have turned by 0.2"), (2.0, "no longer face")):
+        with pytest.warns(sc.ContactWarning, match=words):
+            solver.solve(x={"tool": {"top": (0.0, -down)}}, start=first)

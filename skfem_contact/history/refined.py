@@ -82,7 +82,7 @@ def holds(attempt: Attempt, u: Array) -> bool:
     """Whether displacements (n,) have the gaps and slips of the points that carry forces."""
     kin, local, seen = attempt.problem.kin, attempt.local, attempt.seen
     closed = local.status != OPEN
-    wrong = (kin.B_n @ u + seen.gap0 - local.gap)[closed]
+    wrong = (kin.B_n @ u)[closed] + seen.gap0[closed] - local.gap[closed]
     slip = (kin.B_t @ u).reshape(seen.slip0.shape) + seen.slip0 - local.slip
     wrong = np.append(wrong, slip[local.tangential_force != 0])
     return largest(np.abs(wrong)) <= SOLVED * max(attempt.model.system.extent, largest(np.abs(u)))

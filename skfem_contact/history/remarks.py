@@ -27,7 +27,7 @@ UNSTABLE = (
     "disturbance: a load of a millionth of the others, or nodes that are moved by as little."
 )
 TURNED = (
-    "The surfaces of contact '{}' have turned by {:.2g} rad, and sliding=\"small\" keeps contact as it "
+    "The surfaces of contact '{}' {}, and sliding=\"small\" keeps contact as it "
     "is on the undeformed ones: gaps, normals and areas are those of before. Say "
     'Contact(..., sliding="finite") for contact on the deformed surfaces.'
 )
@@ -42,7 +42,10 @@ def remarks(attempt: Attempt, placed: Placed) -> dict[str, str]:
     for i, contact in enumerate(names):
         angle = turned(attempt, placed, i)
         if angle > A_TENTH:
-            found[f"turned {i}"] = TURNED.format(contact.name or i + 1, angle)
+            how = (
+                f"have turned by {angle:.2g} rad" if np.isfinite(angle) else "no longer face each other"
+            )
+            found[f"turned {i}"] = TURNED.format(contact.name or i + 1, how)
     return found
 
 
@@ -77,23 +80,23 @@ def unstable(attempt: Attempt, placed: Placed) -> bool:
 def turned(attempt: Attempt, placed: Placed, i: int) -> float:
     """By how much the normals of a contact with small sliding have turned, where points press [rad].
 
-    Of bodies that may strain and turn by any amount: others have bounds of their own.
+    Of two bodies one of which may strain and turn by any amount: others have bounds of their own.
+    Infinite where none of these points has a partner on the deformed surfaces.
     """
     model = attempt.model
     system, contact = model.system, model.interface.contacts[i]
     sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
     part = model.interface.point_slices[i]
     presses = attempt.local.normal_force[part] != 0
-    if contact.sliding != "small" or not any(side.body.finite_strain for side in sides):
+    follows = contact.sliding != "small" or not any(side.body.finite_strain for side in sides)
+    if follows or len(sides) < 2 or not presses.any():
         return 0.0
-    if contact.rigid_body is not None or not presses.any():
-        return 0.0
-    moved = [placed.u[system.slice(side.body)] for side in sides]
-    motion = attempt.case.motion[i].as_argument() if len(sides) == 1 else None
     try:
-        there = pair(contact, moved=moved, motion=motion)
-    except ContactError:  # there is no such pairing, and no normal
-        return 0.0
+        there = pair(contact, moved=[placed.u[system.slice(side.body)] for side in sides])
+    except ContactError:  # they are folded over
+        return np.inf
     both = presses & np.isfinite(there.gap)
+    if not both.any():
+        return np.inf
     along = np.einsum("id,id->i", there.normal, attempt.problem.kin.normal[part])[both]
     return float(np.max(np.arccos(np.clip(along, -1.0, 1.0)), initial=0.0))
