@@ -141,8 +141,6 @@ def test_surfaces_that_turn_under_small_sliding_are_named() -> None:
     tool = sc.Body(bases[1], sc.Elastic(1e5, 0.3), D="top", name="tool")
     tip = sc.Contact(tool.surface("bottom"), beam.surface("top"), name="tip")
     solver = sc.ContactSolver([beam, tool], [tip])
-    step = {"x": {"tool": {"top": (0.0, -0.2)}}}
-    (first,) = solver.history([step])
-    for down, words in ((1.0, "have turned by 0.2"), (2.0, "no longer face")):
-        with pytest.warns(sc.ContactWarning, match=words):
-            solver.solve(x={"tool": {"top": (0.0, -down)}}, start=first)
+    solver.solve(x={"tool": {"top": (0.0, -0.2)}})  # by .04: without a word
+    with pytest.warns(sc.ContactWarning, match="'tip' have turned by 0.2"):
+        solver.solve(x={"tool": {"top": (0.0, -1.0)}})

@@ -53,12 +53,14 @@ class Origin:
         for part, own, other in zip(*parts, strict=True):
             if own is not other and self.u[part].any():
                 forces[part] += (other - own) @ self.u[part]
+        slipped = (kin.B_t @ self.u).reshape(case.slip0.shape)
+        slipped[~model.interface.slipping] = 0.0  # their slips are no unknowns
         return copied(
             case,
             f=case.f - forces,
             x=case.x - self.u,
             gap0=case.gap0 + kin.B_n @ self.u,
-            slip0=case.slip0 + (kin.B_t @ self.u).reshape(case.slip0.shape),
+            slip0=case.slip0 + slipped,
         )
 
 

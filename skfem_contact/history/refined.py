@@ -92,7 +92,9 @@ def _moved(attempt: Attempt, left: Response, du: Array) -> LocalState:
     """The state of an attempt after what was left has been solved for as well."""
     local, it = attempt.local, attempt.outcome.iterate
     closed, dofs = local.status != OPEN, attempt.model.geometry.surface_dofs
-    slip = local.slip + (left.slip + it.conditions.anchor - it.response.slip)
+    modelled = attempt.model.interface.slipping[:, None]  # of others slips are no unknowns
+    slip = left.slip + it.conditions.anchor - it.response.slip
+    slip = local.slip + np.where(modelled, slip, 0.0)
     surface = local.surface + du[dofs] if len(local.surface) else local.surface
     return replace(
         local,

@@ -27,7 +27,7 @@ UNSTABLE = (
     "disturbance: a load of a millionth of the others, or nodes that are moved by as little."
 )
 TURNED = (
-    "The surfaces of contact '{}' {}, and sliding=\"small\" keeps contact as it "
+    "The surfaces of contact '{}' have turned by {:.2g} rad, and sliding=\"small\" keeps contact as it "
     "is on the undeformed ones: gaps, normals and areas are those of before. Say "
     'Contact(..., sliding="finite") for contact on the deformed surfaces.'
 )
@@ -81,7 +81,6 @@ def turned(attempt: Attempt, placed: Placed, i: int) -> float:
     """By how much the normals of a contact with small sliding have turned, where points press [rad].
 
     Of two bodies one of which may strain and turn by any amount: others have bounds of their own.
-    Infinite where none of these points has a partner on the deformed surfaces.
     """
     model = attempt.model
     system, contact = model.system, model.interface.contacts[i]
@@ -93,10 +92,8 @@ def turned(attempt: Attempt, placed: Placed, i: int) -> float:
         return 0.0
     try:
         there = pair(contact, moved=[placed.u[system.slice(side.body)] for side in sides])
-    except ContactError:  # they are folded over
-        return np.inf
+    except ContactError:  # they are folded over: no normal
+        return 0.0
     both = presses & np.isfinite(there.gap)
-    if not both.any():
-        return np.inf
     along = np.einsum("id,id->i", there.normal, attempt.problem.kin.normal[part])[both]
     return float(np.max(np.arccos(np.clip(along, -1.0, 1.0)), initial=0.0))

@@ -146,8 +146,8 @@ class Stepper(ByFields):
         strained = NOISE * max(self.model.stiffest) * moved
         failure = "" if balanced(problem.motions, target.f, local, noise, strained) else RAN_AWAY
         ended = outcome, self.model, problem, load, target, seen, last, local
-        found_out = {"stateless": found.stateless, "carried": found.carried, "origin": to.origin}
-        return Attempt(*ended, failure=failure, **found_out)
+        stateless, carried = found.stateless, found.carried
+        return Attempt(*ended, failure=failure, stateless=stateless, carried=carried, origin=to.origin)
 
     def _contradiction(
         self, collision: Collision, problem: ContactProblem, seen: LoadCase
