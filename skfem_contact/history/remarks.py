@@ -42,10 +42,7 @@ def remarks(attempt: Attempt, placed: Placed) -> dict[str, str]:
     for i, contact in enumerate(names):
         angle = turned(attempt, placed, i)
         if angle > A_TENTH:
-            how = (
-                f"have turned by {angle:.2g} rad" if np.isfinite(angle) else "no longer face each other"
-            )
-            found[f"turned {i}"] = TURNED.format(contact.name or i + 1, how)
+            found[f"turned {i}"] = TURNED.format(contact.name or i + 1, angle)
     return found
 
 
