@@ -389,7 +389,7 @@ def _work(part: LoadStep, kin: Kinematics, trend: Array) -> float:
     """What changes of loads and obstacles would do on the way of the step before [energy]."""
     state, before, target = part.state.along(kin), part.before, part.target
     pressed = state.normal_force != 0
-    pushed = (before.gap0 - target.gap0)[pressed] @ state.normal_force[pressed]
+    pushed = (before.gap0[pressed] - target.gap0[pressed]) @ state.normal_force[pressed]
     rubbed = np.vdot((target.slip0 - before.slip0)[pressed], state.tangential_force[pressed])
     return float((target.f - before.f) @ trend + pushed + rubbed)
 
