@@ -95,7 +95,7 @@ def test_residuals_fall_quadratically(results: list[sc.ContactResult]) -> None:
 
 
 def test_a_step_back_is_elastic(results: list[sc.ContactResult]) -> None:
-    """What yielded is linearised a little way back, where it is elastic, not at the yield surface itself.
+    """What yielded is linearised a little way back, where it is elastic, not at its yield surface.
 
     There round-off chooses between two tangents, point by point: it took 3 to 11 linearisations.
     """
