@@ -3,21 +3,65 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.linearizable import State
-from skfem_contact.bodies.system import System
+from skfem_contact.bodies.system import System, slices
+from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
+from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import LocalState
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
 
+if TYPE_CHECKING:
+    from skfem_contact.problem.model import LinearModel
+
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """Displacements that the unknowns of a linear problem count from, where not from zero.
+
+    What is left near an answer of bodies that are not linear is small, and so is its round-off, however
+    far they have come and however soft their tangents are.
+
+    Attributes
+    ----------
+    u : ndarray, shape (n,)
+        [length]
+    forces : ndarray, shape (n,)
+        What the bodies resist with there [force].
+    stiffness : tuple of csr_matrix
+        With which they go on; springs that a model has besides resist `u` as well.
+    """
+
+    u: Array
+    forces: Array
+    stiffness: tuple[csr_matrix, ...]
+
+    def seen(self, case: LoadCase, kin: Kinematics, model: LinearModel) -> LoadCase:
+        """A load case for what is beyond the origin."""
+        forces = self.forces.copy()
+        parts = slices(model.system.offsets), self.stiffness, model.stiffness
+        for part, own, other in zip(*parts, strict=True):
+            if own is not other and self.u[part].any():
+                forces[part] += (other - own) @ self.u[part]
+        slipped = (kin.B_t @ self.u).reshape(case.slip0.shape)
+        slipped[~model.interface.slipping] = 0.0  # their slips are no unknowns
+        return copied(
+            case,
+            f=case.f - forces,
+            x=case.x - self.u,
+            gap0=case.gap0 + kin.B_n @ self.u,
+            slip0=case.slip0 + slipped,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,17 +128,25 @@ class Placed:
         stiffness = tuple(K if K is own else csr_matrix(K + share * own) for K, own in pairs)
         return Placed(self.u, stiffness, self.internal, self.material, self.trend)
 
-    def fictitious(self, system: System) -> Array:
-        """What the loads of the linear problem near here have besides, ``K u - f_int``, (n,).
-
-        Zero of linear bodies, whose loads stay what they are.
-        """
-        out = np.zeros(system.n)
-        for body, K in zip(system.bodies, self.stiffness, strict=True):
-            if body.nonlinear:
-                part = system.slice(body)
-                out[part] = K @ self.u[part] - self.internal[part]
+    def resisting(self, system: System, u: Array) -> Array:
+        """What the bodies as linearised here resist displacements u (n,) with, (n,) [force]."""
+        out = np.array(self.internal)
+        for part, K in zip(slices(system.offsets), self.stiffness, strict=True):
+            out[part] += K @ (u[part] - self.u[part])
         return out
+
+    def origin(self, model: LinearModel) -> Origin:
+        """What the linear problem near here counts from: here, and zero of linear condensed bodies.
+
+        A condensed body remembers what its loads do, which are the same in all iterates.
+        """
+        system = model.system
+        u, forces = np.zeros(system.n), np.zeros(system.n)
+        for body in system.bodies:
+            if body.nonlinear or model.route != "condensed":
+                part = system.slice(body)
+                u[part], forces[part] = self.u[part], self.internal[part]
+        return Origin(u, forces, self.stiffness)
 
 
 def point_forces(kin: Kinematics, state: LocalState) -> Array:

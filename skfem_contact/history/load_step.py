@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.placed import Origin
 from skfem_contact.arrays import lengths
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.interface import Interface
@@ -107,6 +108,13 @@ def friction_bound(interface: Interface, state: LocalState) -> Array:
     return bound
 
 
+def posed(
+    case: LoadCase, origin: Origin | None, problem: ContactProblem, model: LinearModel
+) -> LoadCase:
+    """A load case as a problem counts it whose unknowns may have an origin."""
+    return case if origin is None else origin.seen(case, problem.kin, model)
+
+
 def resisting_slips(interface: Interface, state: LocalState) -> Mask:
     """Points that slip against a bound that grows with the slip: a spring along it, (m,)."""
     rule, slips = FrictionRule(interface.laws, state.area, state.reference), state.status == SLIP
@@ -151,6 +159,8 @@ class LoadStep:
     pairing : pair of Kinematics and ndarray, or None
         The pairing that it is solved on, and the displacements (n,) of the surfaces that it was made
         at, where contact slides far and somebody else renews it.
+    origin : Origin or None
+        What the unknowns count from; zero without one.
     """
 
     state: State
@@ -161,6 +171,7 @@ class LoadStep:
     share: float = 1.0
     workspace: Workspace = field(default_factory=Workspace, repr=False)
     pairing: tuple[Kinematics, Array] | None = None
+    origin: Origin | None = None
 
 
 @dataclass(eq=False)
@@ -188,6 +199,11 @@ class Attempt:
     culprit: int = -1  # the point whose partner or way made the attempt fail
     stateless: Array | None = None
     carried: Carried | None = None
+    origin: Origin | None = None
+
+    def posed(self, case: LoadCase) -> LoadCase:
+        """A load case as its problem counts it."""
+        return posed(case, self.origin, self.problem, self.model)
 
     @cached_property
     def state(self) -> State:
@@ -287,7 +303,7 @@ class Recovery:
     unknowns : int
         Gaps and slips of the contact problem; zero where it is not on these.
     shift : ndarray, shape (n,), optional
-        Along motions that nothing resists, see `neutral_equilibrium` [length].
+        Along motions that nothing resists, see `neutral_equilibrium`, and the `Origin` [length].
     u : ndarray, shape (n,), optional
         The displacements, where they are known: of bodies that are not linear [length].
     """
@@ -305,12 +321,15 @@ class Recovery:
     def of(cls, attempt: Attempt, shift: Array | None = None) -> Recovery:
         """That of the last iterate of an attempt."""
         problem, load, response = attempt.problem, attempt.load, attempt.outcome.iterate.response
-        moved = problem.u is not None
+        moved, case, origin = problem.u is not None, attempt.case, attempt.origin
+        if origin is not None:
+            case = attempt.posed(case)
+            shift = origin.u if shift is None else origin.u + shift
         return cls(
             model=attempt.model,
             found=problem.source(load, response) if moved else (load, response),
             components=load.components,
-            case=attempt.case,
+            case=case,
             moved=moved,
             unknowns=problem.unknowns,
             shift=shift,

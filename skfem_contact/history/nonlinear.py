@@ -39,12 +39,12 @@ from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.history.equilibrium import ARRIVED, EquilibriumSearch, Verdict
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, nothing
+from skfem_contact.history.refined import ROUGH, UNSOLVED, holds, refined, usable
+from skfem_contact.history.remarks import remarks
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.stepping import Bisection, settled, travelled
 from skfem_contact.history.thresholds import CONTACT_ITERATIONS, FAR, LONGER, NOISE, SHORTER
-from skfem_contact.linalg.backend import LinearSolveError
 from skfem_contact.linalg.krylov import Anderson
-from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.thresholds import DECREASE, HALVINGS
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.seam import Workspace
@@ -99,6 +99,8 @@ class NonlinearSearch:
         Where the bodies have come to, and what they remember of it.
     newton : list of Iteration
         Of all iterates, those of parts that failed included.
+    remarks : dict of str
+        What is to be said of the answer, see `remarks.remarks`.
     """
 
     stepper: Stepper
@@ -107,6 +109,7 @@ class NonlinearSearch:
     advance: Advance = field(init=False)
     placed: Placed = field(init=False)
     newton: list[Iteration] = field(default_factory=list)
+    remarks: dict[str, str] = field(default_factory=dict)
     _last: Placed | None = None
     _search: EquilibriumSearch | None = None
     _found: Recovery | None = None
@@ -190,8 +193,8 @@ class NonlinearSearch:
             attempt = solved.attempt
             forces = solved.forces if forces is None else forces + share * (solved.forces - forces)
             missing, limit, scale = self._residual(part.target, there, forces)
-            largest = float(np.max(np.abs(missing)))
-            residual = largest / scale
+            most_missing = float(np.max(np.abs(missing)))
+            residual = most_missing / scale
             record = Iteration(number, parts.aim, residual, share, len(attempt.outcome.trace))
             self.newton.append(record)
             logger.debug("%s", record)
@@ -202,7 +205,7 @@ class NonlinearSearch:
             if attempt.travel > 1.0 and attempt.failure:
                 self._why = attempt.failure
                 return self._gives_up()
-            balanced = share == 1.0 and largest <= limit
+            balanced = share == 1.0 and most_missing <= limit and holds(solved.attempt, there.u)
             if balanced and attempt.good:
                 self._arrive(part, attempt, there)
                 return ARRIVED
@@ -257,17 +260,18 @@ class NonlinearSearch:
         return settled(by, attempt, own[0], mismatch)
 
     def _forecast(self, part: LoadStep) -> Placed:
-        """Where the bodies are linearised first: on the way of the step before, if this one goes on."""
+        """Where bodies are linearised first: on the way of the step before, or a little way back."""
         begin, system = self.placed, self.stepper.model.system
         moved, way = (part.target.x - part.before.x)[system.D], begin.trend[system.D]
-        ratio = 0.0
         if way.any() and moved.any():
             ratio = float(moved @ way / (way @ way))
-        elif not moved.any() and (part.target.f - part.before.f) @ begin.trend > 0:
-            ratio = part.share
-        if ratio > 0.0:
+        else:
+            ratio = part.share * float(np.sign(_work(part, self.stepper.model.kin, begin.trend)))
+        if begin.trend.any():
             try:
-                return begin.moved(system, begin.u + min(ratio, LONGER) * begin.trend)
+                # a little way back what yielded is elastic again; just here, round-off would decide
+                ratio = min(ratio, LONGER) if ratio > 0 else -GIVEN
+                return begin.moved(system, begin.u + ratio * begin.trend)
             except MaterialError:
                 pass
         return begin.moved(system, begin.u)
@@ -277,28 +281,36 @@ class NonlinearSearch:
         base, options = self.stepper.model, self.stepper.options
         model = base.with_tangents(at.stiffness)
         by = replace(self.stepper, model=model, options=replace(options, max_cuts=0))
-        target = copied(step.target, f=step.target.f + at.fictitious(base.system), factor=None)
-        step = replace(step, target=target, workspace=Workspace())
-        # in space directions of friction turn, which takes more than a few: the next begins anew
+        target = copied(step.target, factor=None)
+        step = replace(step, target=target, workspace=Workspace(), origin=at.origin(base))
+        # in space directions of friction turn, which takes more than a few: the next begins anew; and
+        # where linear problems are iterated, the first of a few are rough
         turns = model.kin.tangents > 1 and bool(model.interface.laws)
-        if not (exact or turns or model.motions.k):
+        if not (exact or turns or model.motions.k or model.route in ROUGH):
             few = replace(by.options, max_iterations=CONTACT_ITERATIONS)
             try:
                 attempt = self._attempted(replace(by, options=few), step)
-            except (SingularMatrix, LinearSolveError):
+            except UNSOLVED:
                 attempt = None
             if attempt is not None and np.isfinite(attempt.outcome.iterate.residual):
-                return self._of(attempt, Recovery.of(attempt)())
+                attempt, u = refined(attempt, Recovery.of(attempt)(), at)
+                if usable(attempt, u):
+                    return self._of(attempt, u)
         search = EquilibriumSearch(by, step, self.start)
         try:
             verdict = search.find()
-        except SingularMatrix:
+        except UNSOLVED as error:
+            self._why = str(error)
             return Solved(None, at.u, at.u, Verdict(advice=SINGULAR, reached=False))
         if not verdict.arrived:
             attempt = search.advance.attempt if verdict.reached else None
             return Solved(attempt, at.u, at.u, verdict)
-        self._search = search
-        return self._of(search.advance.attempt, search.recovery())
+        self._search, attempt, u = search, search.advance.attempt, search.recovery()
+        if attempt.model is model:  # and no springs hold it
+            attempt, u = refined(attempt, u, at)
+        if not usable(attempt, u):
+            return Solved(None, at.u, at.u, Verdict(advice=SINGULAR, reached=False))
+        return self._of(attempt, u)
 
     @staticmethod
     def _attempted(by: Stepper, step: LoadStep) -> Attempt:
@@ -356,6 +368,7 @@ class NonlinearSearch:
         found = Recovery.of(attempt)
         self._found = replace(found, model=light, components=None, u=there.u)
         self.advance.attempt = replace(attempt, case=part.target)
+        self.remarks = remarks(attempt, there)
         trend = sealed((there.u - self.placed.u) / part.share)
         self.placed = replace(there, trend=trend)
 
@@ -370,6 +383,15 @@ class NonlinearSearch:
         share = parts.done
         carries = f"The bodies bear up to {share:.4g} of this step" + _load(self.step, share) + ". "
         return replace(verdict, carries=carries, reached=reached)
+
+
+def _work(part: LoadStep, kin: Kinematics, trend: Array) -> float:
+    """What changes of loads and obstacles would do on the way of the step before [energy]."""
+    state, before, target = part.state.along(kin), part.before, part.target
+    pressed = state.normal_force != 0
+    pushed = (before.gap0[pressed] - target.gap0[pressed]) @ state.normal_force[pressed]
+    rubbed = np.vdot((target.slip0 - before.slip0)[pressed], state.tangential_force[pressed])
+    return float((target.f - before.f) @ trend + pushed + rubbed)
 
 
 def _load(step: LoadStep, share: float) -> str:

@@ -144,6 +144,7 @@ class StepSolver(ByFields):
             result.diagnose(diagnostics)
             result.diagnose(self.watch.warn(result))
             _warn(result)
+            _remark(result, getattr(found, "remarks", {}))
         if verdict.arrived or not throw:
             return result
         raise verdict.error(self.stepper.loop, ContactResult(result))
@@ -287,6 +288,16 @@ def _warn(result: Answer) -> None:
     result.diagnose(replace(known, issued=issued))
 
 
+def _remark(result: Answer, remarks: dict[str, str]) -> None:
+    """Say what is to be said of bodies that are not linear, once in a history."""
+    known = result.diagnostics
+    for about, words in remarks.items():
+        if ("remark", about) not in known.issued:
+            warn(words + " (Said once in a history.)")
+    issued = known.issued | {("remark", about) for about in remarks}
+    result.diagnose(replace(known, issued=issued))
+
+
 def _issued(start: Known) -> Issued:
     """What has been warned of in the history so far; a file does not know."""
     return start.diagnostics.issued if isinstance(start, Answer) else frozenset()
@@ -306,16 +317,18 @@ def second_order(attempt: Attempt) -> dict[str, float]:
     problem, seen = attempt.problem, attempt.seen
     load, response = attempt.load, attempt.outcome.iterate.response
     with single_threaded():
-        u = problem.surface(problem.source(load, response), seen)
+        source = problem.source(load, response)
+        u = problem.surface(source, attempt.posed(seen))
+        origin = 0.0 if attempt.origin is None else attempt.origin.u
         f, found = np.array(seen.f), dict[RigidBody, tuple[float, Array]]()
         for body in leaning:
-            moment, arm, along = _moment(attempt, body, u)
+            moment, arm, along = _moment(attempt, body, u + origin)
             dofs = system.slice(body).start + body.rotations
             f[dofs] += moment / system.extent
             found[body] = arm, along
         if np.array_equal(f, seen.f):
             return {}
-        turned = replace(seen, f=f)
+        turned = attempt.posed(replace(seen, f=f))
         again = problem.load(turned)
         if problem.springs is not None:  # which have no strain in the answer, and are none here
             again = problem.at_forces(again, response.normal_force, response.tangential_force)

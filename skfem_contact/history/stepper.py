@@ -17,7 +17,7 @@ from skfem_contact.conditions.state import OPEN, LocalState, State
 from skfem_contact.conditions.statics import balanced
 from skfem_contact.errors import ConstraintError
 from skfem_contact.history.grip import pins
-from skfem_contact.history.load_step import Attempt, LoadStep, rough_at_rest
+from skfem_contact.history.load_step import Attempt, LoadStep, posed, rough_at_rest
 from skfem_contact.history.thresholds import NAMED, NOISE
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.complementarity import friction_of_prescribed_slip
@@ -118,12 +118,13 @@ class Stepper(ByFields):
         noise = NOISE * max(target.largest_force, softest * moved)
         with single_threaded():
             seen = geometry.case(kin, problem.u, target, last, to.before)
-            load = problem.load(seen)
+            counted = posed(seen, to.origin, problem, self.model)
+            load = problem.load(counted)
             step = self._step(problem, load, last, noise, moved)
             dense = step
             points = self.model.on_points(problem) if start in DENSE else problem
             if points is not problem:
-                dense = replace(step, problem=points, load=points.load(seen))
+                dense = replace(step, problem=points, load=points.load(counted))
             loop = LOOPS[self.loop]
             limit = options.max_iterations or loop.most
             try:
@@ -141,11 +142,12 @@ class Stepper(ByFields):
                 outcome = found.ended(drive(loop.iterates, *given), dense is step or start not in DENSE)
             except Collision as collision:
                 raise self._contradiction(collision, problem, seen) from None
-            local = self._state(step, outcome, to, problem, seen)
+            local = self._state(step, outcome, to, problem, seen, counted)
         strained = NOISE * max(self.model.stiffest) * moved
         failure = "" if balanced(problem.motions, target.f, local, noise, strained) else RAN_AWAY
         ended = outcome, self.model, problem, load, target, seen, last, local
-        return Attempt(*ended, failure=failure, stateless=found.stateless, carried=found.carried)
+        stateless, carried = found.stateless, found.carried
+        return Attempt(*ended, failure=failure, stateless=stateless, carried=carried, origin=to.origin)
 
     def _contradiction(
         self, collision: Collision, problem: ContactProblem, seen: LoadCase
@@ -218,6 +220,7 @@ class Stepper(ByFields):
         to: LoadStep,
         problem: ContactProblem,
         seen: LoadCase,
+        counted: LoadCase,
     ) -> LocalState:
         """Where an attempt has ended, along the tangents of its pairing."""
         it, last = outcome.iterate, step.last
@@ -231,7 +234,9 @@ class Stepper(ByFields):
         if geometry.follows:
             dofs = geometry.surface_dofs
             source = problem.source(step.load, response)
-            surface = problem.surface(source, to.target)[dofs]
+            surface = problem.surface(source, counted)[dofs]
+            if to.origin is not None:
+                surface = surface + to.origin.u[dofs]
             trend = (surface - last.surface) / to.share
             slip = geometry.slip(problem.kin, seen, surface, slip, interface.slipping)
         friction, normal_force = friction.copy(), response.normal_force.copy()

@@ -6,15 +6,14 @@ no factors then. SuperLU has, and the condensed stiffness, which is symmetric, i
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 
+from skfem_contact.linalg.backend import Surface
 from skfem_contact.linalg.multifrontal.ordering import dissection_order
+from skfem_contact.linalg.singular import SingularMatrix
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -34,8 +33,8 @@ class IndefiniteFactor:
 
     Raises
     ------
-    LinAlgError
-        If the stiffness of the others is singular.
+    SingularMatrix
+        The stiffness of the others is singular.
 
     Examples
     --------
@@ -58,7 +57,7 @@ class IndefiniteFactor:
         try:
             self._factor = splu(A, permc_spec="NATURAL", options={"SymmetricMode": True})
         except RuntimeError as error:  # "Factor is exactly singular"
-            raise LinAlgError(str(error)) from None
+            raise SingularMatrix(str(error)) from None
         self._follow = self._factor.solve(self._from_kept.toarray())
         S = K[keep][:, keep].toarray() - self._from_kept.T @ self._follow
         self.S = 0.5 * (S + S.T)
@@ -84,8 +83,9 @@ class IndefiniteFactor:
     def substitute(self, u_keep: Array, eliminated: Array) -> Array:
         """Displacements (n, r), in the order `order`; `eliminated` is overwritten."""
         inside = len(self.order) - len(self.keep)
-        eliminated[:inside] -= self._follow @ u_keep.reshape(len(self.keep), -1)
-        eliminated[inside:] = u_keep.reshape(len(self.keep), -1)
+        u_keep = u_keep.reshape(len(self.keep), eliminated.shape[1])
+        eliminated[:inside] -= self._follow @ u_keep
+        eliminated[inside:] = u_keep
         return eliminated
 
     def reduce_load(self, f: Array) -> Array:
@@ -93,6 +93,18 @@ class IndefiniteFactor:
         inside = len(self.order) - len(self.keep)
         return self.eliminate(f)[inside:].reshape(-1, *f.shape[1:])
 
-    def response(self, dofs: Index) -> Any:
-        """None is made: only bodies whose contact DOFs are eliminated as well ask for it."""
-        raise LinAlgError("a stiffness that is not positive definite, with contact DOFs eliminated")
+    def response(self, dofs: Index) -> Surface:
+        """What forces on some DOFs (m,) move there."""
+
+        def moved(force: Array, flexibility: Array | None = None) -> Array:
+            f = np.zeros(len(self.order))
+            f[dofs] = force
+            x = self.eliminate(f)
+            kept = x[len(x) - len(self.keep) :]
+            if flexibility is not None:
+                kept = flexibility @ kept
+            u = np.empty(len(x))
+            u[self.order] = self.substitute(kept, x)[:, 0]
+            return u[dofs]
+
+        return moved

@@ -207,10 +207,15 @@ class PointProblem(OnContactDofs[Condensed]):
         except SingularMatrix:  # is told to whom it matters
             pass
         except LinAlgError:  # rows that depend on each other: corners, chains, tools that are held
-            softness = bodies.softness
-            self.springs = spring_compliance(self.rows, self.slips, lambda B: B.multiply(B) @ softness)
-            self._give_way(self.springs, self.springs[:, None])
-            self.unknowns = 0
+            if on.independent is not None and on.independent():
+                self._take_all()
+            else:
+                softness = bodies.softness
+                self.springs = spring_compliance(
+                    self.rows, self.slips, lambda B: B.multiply(B) @ softness
+                )
+                self._give_way(self.springs, self.springs[:, None])
+                self.unknowns = 0
         # what follows from loads that have one component, of so many as there were of each kind
         self._follows = np.zeros((len(bodies.columns) + G.shape[0], 0))
         self._counts: list[int] = []
@@ -218,6 +223,15 @@ class PointProblem(OnContactDofs[Condensed]):
     def _begin_anew(self) -> None:
         super()._begin_anew()
         self.zones = Zones(self.compliance)
+
+    def _take_all(self) -> None:
+        """Take the rows as they are: it is a body that flows or buckles that makes them alike."""
+        self.compliance = self.compliance.with_springs(np.zeros(self.q))
+        self._begin_anew()
+        try:
+            self.zones.whole()
+        except LinAlgError as error:
+            raise SingularMatrix(str(error)) from None
 
     def _give_way(self, normal: Array, tangential: Array) -> None:
         """See all points through springs of these compliances, (m,) and (m, d-1), and no others."""

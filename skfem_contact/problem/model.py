@@ -94,6 +94,7 @@ class LinearModel:
         self._sprung: dict[bytes, LinearModel] = {}
         self._moves: tuple[Array, tuple[float, ...]] | None = None
         self._tangent_of: LinearModel | None = None
+        self._undeformed: LinearModel | None = None
         self._lock = Lock()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -101,7 +102,7 @@ class LinearModel:
         known = {**vars(self), "linear": carried(self.linear, "linear"), "_sprung": {}, "_reuse": []}
         for made in ("_wanted", "choice", "for_tangents"):
             known.pop(made, None)
-        computed = "_bodies", "_base", "_for_pivoting", "_moves", "_tangent_of"
+        computed = "_bodies", "_base", "_for_pivoting", "_moves", "_tangent_of", "_undeformed"
         return known | dict.fromkeys(computed)
 
     @cached_property
@@ -223,7 +224,7 @@ class LinearModel:
             motions = rigid_motions(self.system, self.kin, list(stiffness))
         given = self.geometry, self.interface, stiffness, motions
         twin = LinearModel(*given, self.linear, self.limits, self.timings, reuse)
-        twin._tangent_of = self
+        twin._tangent_of = twin._undeformed = self
         for name in ("_wanted", "_prefer", "labels", "choice"):  # of the pairing and the pattern of K
             vars(twin)[name] = getattr(self, name)
         return twin
@@ -322,7 +323,12 @@ class LinearModel:
     def _attach(self, bodies: Bodies, kin: Kinematics | None, u: Array | None) -> ContactProblem:
         own = self.kin if kin is None else kin
         motions = self.motions if kin is None else self.motions.seen_by(kin)
-        on = PosedOn(own, motions, u, self.interface.slipping)
+        base = self._undeformed
+
+        def independent() -> bool:
+            return base is not None and base.problem_on(kin, u).springs is None
+
+        on = PosedOn(own, motions, u, self.interface.slipping, independent)
         return bodies.attach(on, self._prefer, self.labels)
 
     @property

@@ -31,7 +31,7 @@ solve has borrowed is its `Workspace`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from functools import cached_property
 from typing import Any, Generic, Protocol, TypeVar
@@ -201,12 +201,15 @@ class PosedOn:
         As of `ContactProblem`.
     slipping : ndarray of bool, shape (m,)
         Points with tangential rows.
+    independent : callable, optional
+        Says that rows do not depend on each other, whatever the digits of a tangent make of them.
     """
 
     kin: Kinematics
     motions: RigidMotions
     u: Array | None
     slipping: Mask
+    independent: Callable[[], bool] | None = None
 
 
 class Posed:

@@ -165,8 +165,9 @@ def resistance_by(W: Array, normal_rows: Index, tangential_rows: Index) -> Resis
 
 
 def _resistance(normal: Array, tangential: Array) -> Resistance:
-    softest = np.asarray(np.linalg.eigvalsh(tangential)[:, -1], dtype=float)
-    return Resistance(_inverse(normal[:, 0, 0]), _inverse(softest))
+    # of a body that is about to buckle it may be negative: how stiff it is is a size all the same
+    softest = np.max(np.abs(np.linalg.eigvalsh(tangential)), axis=1)
+    return Resistance(_inverse(np.abs(normal[:, 0, 0])), _inverse(softest))
 
 
 def _blocks(B: csr_matrix, size: int, flexibility: Callable[[csr_matrix], csr_matrix | Array]) -> Array:

@@ -28,6 +28,8 @@ from skfem_contact.linalg.backend import Backend, BodyFactor
 from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
+from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.linalg.thresholds import NO_PIVOT
 from skfem_contact.once import Lock, once
 from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS, SAME_LOAD
 from skfem_contact.records import dataclass
@@ -192,6 +194,7 @@ class Substructure:
 
     keeps_contact = True  # or contact DOFs are eliminated like all others
     definite = True  # but the tangent of a body that is not linear may be none of a stable state
+    shaky = False  # and neither is what is condensed of it
 
     def __init__(
         self,
@@ -233,6 +236,7 @@ class Substructure:
             if self.body.nonlinear:  # on the way of Newton's method, or of a body that buckles
                 from skfem_contact.linalg.indefinite import IndefiniteFactor
 
+                self.shaky = True
                 K = csr_matrix(self.K[self.free][:, self.free])
                 return IndefiniteFactor(K, self.body.dof_points[self.free], place)
             raise InputError(
@@ -279,14 +283,19 @@ class Substructure:
             return np.zeros((0, 0))
         springs = np.sum(self.springs**2, axis=1)
         S = self._factor.take_S()
+        if not S.size:  # asked for before, in vain
+            S = self.S.copy()
         S[np.diag_indices_from(S)] += springs
         try:
             return cholesky(S.T, overwrite=True).inverse()
         except NoPivot:
-            self.definite = False
+            self.definite, self.shaky = False, True
         S = self.S.copy()  # what Cholesky began with is lost
         S[np.diag_indices_from(S)] += springs
-        return lu(S).solve(np.eye(len(S)))
+        factors = lu(S)
+        if not factors.even(NO_PIVOT):
+            raise SingularMatrix("a body that is not stable moves without resistance")
+        return factors.solve(np.eye(len(S)))
 
     @once
     def softness(self) -> Array:

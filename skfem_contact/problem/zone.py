@@ -157,7 +157,8 @@ class Compliance:
         """The same with springs of these compliances in series with its rows, (q,)."""
         W = self.W.copy()
         W[np.diag_indices(self.q)] += give
-        return Compliance(W, self.normal_rows, self.tangential_rows, self.q, refuses=False)
+        given = W, self.normal_rows, self.tangential_rows, self.q
+        return Compliance(*given, stable=self.stable, refuses=False)
 
     def independent(self, G: csr_matrix, least: Array | None) -> bool:
         """Whether no row depends on others as far as a sparse matrix shows; false if small.
@@ -182,7 +183,7 @@ class Compliance:
     def inverse(self, on: Index | None, refuses: bool) -> Array:
         """Inverse of W on some rows; on all without them."""
         W = self.W.copy() if on is None else self.W[np.ix_(on, on)]
-        return definite_inverse(W, refuses) if self.stable else indefinite_inverse(W)
+        return definite_inverse(W, refuses) if self.stable else indefinite_inverse(W, refuses)
 
 
 class Zone:
@@ -330,7 +331,7 @@ class _Loads:
         return moved[:q], moved[q:]
 
 
-def indefinite_inverse(W: Array) -> Array:
+def indefinite_inverse(W: Array, refuses: bool = True) -> Array:
     """Inverse of a symmetric matrix that is not positive definite, as of bodies that are not stable.
 
     Raises
@@ -341,7 +342,7 @@ def indefinite_inverse(W: Array) -> Array:
     size = np.sqrt(np.max(np.abs(W), axis=1))
     divide(W, size)
     factors = lu(W)
-    if not factors.even(thresholds.DEPENDENT**2):
+    if refuses and not factors.even(thresholds.DEPENDENT**2):
         raise LinAlgError("dependent contact rows")
     inverse = factors.solve(np.eye(len(W)))
     symmetrise(inverse)
