@@ -1,4 +1,4 @@
-"""What an answer is and what can be said of it.
+"""Answers, and what can be said of them.
 
 * `answer`: all numbers of a load step, for the modules of this library, and forces of supports;
   `fields`, `values`: those of each contact, between its points and at them; `placed`, `newton`: where

@@ -174,7 +174,7 @@ class Answer:
 
     @property
     def trend(self) -> Array:
-        """How the displacements changed last, of bodies that are not linear; see `Placed`."""
+        """Return how the displacements changed last, of bodies that are not linear; see `Placed`."""
         return np.zeros(self.system.n) if self.placed is None else self.placed.trend
 
     @cached_property
@@ -190,7 +190,7 @@ class Answer:
 
     @cached_property
     def measured(self) -> dict[tuple[str, str], float]:
-        """What has been measured of bodies, by kind and name, for all who ask for it."""
+        """Return what has been measured of bodies, by kind and name, for all who ask for it."""
         return {}
 
     @cached_property

@@ -271,7 +271,7 @@ def _turns(arm: Array, component: NDArray[np.int32], extent: float) -> Array:
 
 
 class _Springs:
-    """What springs to the ground inside K take of a resultant."""
+    """The part of a resultant that springs to the ground inside K take."""
 
     def __init__(self, result: Answer) -> None:
         self.result = result

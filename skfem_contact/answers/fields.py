@@ -95,7 +95,7 @@ class Segments:
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """Where contact ends.
+    """The ends of contact.
 
     Attributes
     ----------
@@ -221,7 +221,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Contour:
-    """Where contact ends on faces, and how large it is.
+    """The ends of contact on faces, and its size.
 
     Attributes
     ----------
@@ -317,7 +317,7 @@ def heights(surface: ContactSurface, closed: Mask, gap: Array) -> Array:
 
 
 def neighbours(surface: ContactSurface) -> csr_matrix:
-    """Which nodes share a face, each with itself, as a matrix of ones (m, m)."""
+    """Return which nodes share a face, each with itself, as a matrix of ones (m, m)."""
     nf, k = surface.facets.shape
     entries = np.ones(nf * k), (np.repeat(np.arange(nf), k), surface.facets.ravel())
     of_faces = csr_matrix(entries, shape=(nf, len(surface.points)))
@@ -350,7 +350,7 @@ def _around(beside: csr_matrix, here: Index) -> tuple[Index, Index]:
 def _continued(
     surface: ContactSurface, here: Index, row: Index, node: Index, sample: Mask, h: Array
 ) -> tuple[Array, Mask, Mask]:
-    """What open nodes near by say of h at some nodes; whether enough were ahead, or on any side.
+    """Return what open nodes near by say of h at some nodes; whether enough were ahead, or on any side.
 
     Parameters
     ----------
@@ -424,7 +424,7 @@ class NormalEquations:
 
     @cached_property
     def enough(self) -> Mask:
-        """Whether the rows determine the coefficients, (n,)."""
+        """Return whether the rows determine the coefficients, (n,)."""
         A = self._matrices
         diagonal = np.sqrt(np.maximum(np.einsum("nii->ni", A), np.finfo(float).tiny))
         # both directions alike: points on a line along one of the axes do not span a plane

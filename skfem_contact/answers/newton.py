@@ -1,4 +1,4 @@
-"""What Newton's method on bodies that are not linear did in a load step."""
+"""Newton's method on bodies that are not linear: the log of a load step."""
 
 from __future__ import annotations
 

@@ -129,7 +129,7 @@ class Placed:
         return Placed(self.u, stiffness, self.internal, self.material, self.trend)
 
     def resisting(self, system: System, u: Array) -> Array:
-        """What the bodies as linearised here resist displacements u (n,) with, (n,) [force]."""
+        """Return what the bodies as linearised here resist displacements u (n,) with, (n,) [force]."""
         out = np.array(self.internal)
         for part, K in zip(slices(system.offsets), self.stiffness, strict=True):
             out[part] += K @ (u[part] - self.u[part])

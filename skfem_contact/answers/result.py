@@ -82,12 +82,12 @@ class ContactResult(ByContact):
 
     @property
     def converged(self) -> bool:
-        """Whether this is an answer; see `message`."""
+        """Return whether this is an answer; see `message`."""
         return self._answer.converged
 
     @property
     def message(self) -> str:
-        """How the iterations ended."""
+        """Return how the iterations ended."""
         return self._answer.message
 
     @property
@@ -253,7 +253,7 @@ class ContactResult(ByContact):
 
     @property
     def bolts(self) -> dict[str, BoltValues]:
-        """What each bolt carries, by name; see `BoltValues`."""
+        """Return what each bolt carries, by name; see `BoltValues`."""
         answer = self._answer
         known = answer.tightness
         return answer.bolts.values(answer.u, known) if answer.bolts is not None and known else {}
@@ -310,7 +310,7 @@ class ContactResult(ByContact):
 
     @cached_property
     def validity(self) -> Validity:
-        """Whether the model holds at the answer; computed when first asked for, see `Validity`.
+        """Return whether the model holds at the answer; computed when first asked for, see `Validity`.
 
         Warns
         -----
@@ -434,7 +434,7 @@ def short(result: ContactResult) -> str:
 
 
 def summary(result: ContactResult) -> str:
-    """What is known quickly: the contacts, whether the model holds, the certificate."""
+    """Return what is known quickly: the contacts, whether the model holds, the certificate."""
     lines = _first_lines(result, estimate=False)
     lines += ["", _verdict(result), *_last_lines(result), "", MORE]
     return "\n".join(lines)
@@ -470,7 +470,7 @@ def table(result: ContactResult) -> str:
 
 
 def validity_lines(result: ContactResult) -> list[str]:
-    """Whether the model holds at the answer, and what to change where it does not."""
+    """Say whether the model holds at the answer, and what to change where it does not."""
     validity = result.validity
     lines = [_verdict(result), *str(validity).splitlines()]
     for text in validity.problems.values():
@@ -506,7 +506,7 @@ def _last_lines(result: ContactResult) -> list[str]:
 
 
 def _verdict(result: ContactResult) -> str:
-    """Whether the model holds, and what its history has warned of before, in a line."""
+    """Return whether the model holds, and what its history has warned of before, in a line."""
     validity = result.validity
     words = "Validity of the model: " + ("holds" if validity.holds else "DOES NOT HOLD")
     words += f" ({_listed(validity.problems)})" if validity.problems else ""
@@ -519,7 +519,7 @@ def _listed(keys: Iterable[tuple[str, str]]) -> str:
 
 
 def _shown(known: Uniqueness) -> str:
-    """Whether there is one answer, as far as that is shown."""
+    """Return whether there is one answer, as far as that is shown."""
     if known.only_one:
         return "this load has no other answer" + (
             ""
@@ -533,7 +533,7 @@ def _shown(known: Uniqueness) -> str:
 
 
 def _jump_lines(answer: Answer) -> list[str]:
-    """What a report says of friction that is lost all at once where a point opens."""
+    """Say what a report says of friction that is lost all at once where a point opens."""
     lines, slip = [], answer.local.slip - answer.local.reference
     for contact, part, name in zip(answer.contacts, answer.slices(), answer.names, strict=True):
         if contact.friction is None or contact.bilateral:
@@ -553,7 +553,7 @@ def _jump_lines(answer: Answer) -> list[str]:
 
 
 def _fall_lines(answer: Answer) -> list[str]:
-    """What a report says of friction that falls with the slip of points that slip."""
+    """Say what a report says of friction that falls with the slip of points that slip."""
     lines, state = [], answer.local
     slip = state.slip - state.reference
     for contact, part, name in zip(answer.contacts, answer.slices(), answer.names, strict=True):
@@ -572,7 +572,7 @@ def _fall_lines(answer: Answer) -> list[str]:
 
 
 def _uniqueness_lines(result: ContactResult) -> list[str]:
-    """What a report says of other answers: in the plane nothing where none are to be feared."""
+    """Say what a report says of other answers: in the plane nothing where none are to be feared."""
     answer = result._answer
     if not any(contact.friction for contact in result.contacts):
         return []

@@ -1,4 +1,4 @@
-r"""Whether a load may have other answers: critical friction of points, index of an answer, and a proof.
+r"""Other answers to a load: critical friction of points, index of an answer, and a proof.
 
 With the stiffness S of gaps and slips (`problem.points`) a load step is an equation made of pieces. In
 2-D these are linear: the patterns of open, sticking and slipping points, with the rows of S of open
@@ -81,7 +81,7 @@ Index = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Uniqueness:
-    """What is known about other answers to the load of a result.
+    """The knowledge about other answers to the load of a result.
 
     All of it is about this load step: from the state before it, on the pairing of the result.
 
@@ -130,12 +130,12 @@ class Uniqueness:
 
     @property
     def only_one(self) -> bool:
-        """Whether it is shown that this load has no other answer; False is not known."""
+        """Return whether it is shown that this load has no other answer; False is not known."""
         return self.unique_up_to >= 1.0
 
 
 def uniqueness(result: Answer) -> Uniqueness | None:
-    """What is known about other answers to the load of a result.
+    """Return what is known about other answers to the load of a result.
 
     Parameters
     ----------
@@ -244,7 +244,7 @@ def _words(answer: Answer, contacts: tuple[int, ...], counts: list[int]) -> str:
 
 
 def _rows(answer: Answer) -> tuple[csr_matrix, Index]:
-    """What the forces of points act along, over the free DOFs, and which point each is of.
+    """Return what the forces of points act along, over the free DOFs, and which point each is of.
 
     A point that slips has one row, as its friction follows the normal force.
     """
@@ -405,7 +405,7 @@ class Form:
             return 0.0, diagonal
 
     def exceeds(self, share: float, diagonal: Array) -> bool:
-        """Whether the form is larger than a diagonal one: shown by a factorisation that ends."""
+        """Return whether the form is larger than a diagonal one: shown by a factorisation that ends."""
         M = self._matrix(share)
         scale = np.sqrt(np.diag(M))
         M[np.diag_indices_from(M)] -= diagonal

@@ -249,7 +249,7 @@ class ContactValues:
 
     @cached_property
     def contact_edges(self) -> Array:
-        """Where contact ends, within a facet: points (k, 2), in 3-D segments (s, 2, 3) [length].
+        """Return where contact ends, within a facet: points (k, 2), in 3-D segments (s, 2, 3) [length].
 
         There ``gap**(2/3)``, extrapolated from the open side, vanishes; see `fields`.
         In the order of the points or faces; ends of the surface that are closed are no edges.

@@ -348,7 +348,7 @@ class Bolts:
         return u
 
     def values(self, u: Array, known: dict[str, tuple[float, float]]) -> dict[str, BoltValues]:
-        """What each bolt carries, from all displacements (n,)."""
+        """Return what each bolt carries, from all displacements (n,)."""
         out = {}
         for b, (name, bolt) in enumerate(zip(self.names, self.bolts, strict=True)):
             shift, force = known[name]

@@ -142,7 +142,7 @@ class Draft:
 
     @property
     def remark(self) -> str:
-        """What a user should know of it, in a word or two."""
+        """Return what a user should know of it, in a word or two."""
         if max(side.area / side.patch_area for side in self.sides) < SLIVER and any(
             side.on_rim for side in self.sides
         ):
@@ -151,13 +151,13 @@ class Draft:
 
     @property
     def matching(self) -> bool:
-        """Whether half of the nodes of one side are nodes of the other, too."""
+        """Return whether half of the nodes of one side are nodes of the other, too."""
         one, other = sorted((side.points for side in self.sides), key=len)
         near = Tree(other).distances(one) <= GIVEN * min(side.size for side in self.sides)
         return bool(2 * np.count_nonzero(near) > len(one))
 
     def secondary(self) -> tuple[int, str]:
-        """Which side is the better secondary one, and why."""
+        """Return which side is the better secondary one, and why."""
         one, other = self.sides
         for why, ratio, least in (
             ("finer", one.size / other.size, FINER),
@@ -253,7 +253,7 @@ def strange_bodies(bounds: Boundaries, within: float) -> list[str]:
 
 
 def _same(one: ContactSurface, other: ContactSurface) -> bool:
-    """Whether two boundaries have the same nodes."""
+    """Return whether two boundaries have the same nodes."""
     if len(one.points) != len(other.points):
         return False
     return bool(Tree(one.points).distances(other.points).max() <= GIVEN * one.lengths.min())

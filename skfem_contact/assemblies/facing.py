@@ -268,7 +268,7 @@ def look(bounds: Boundaries, within: float) -> Views:
 
 
 def _seen(bounds: Boundaries, sights: Sights, pieces: Pieces, reach: float) -> Views:
-    """What is nearest along each line of sight, either way."""
+    """Return what is nearest along each line of sight, either way."""
     scale = COMPUTED * max(float(np.abs(bounds.lower).max()), float(np.abs(bounds.upper).max()))
 
     def met(item: Index, nodes: Nodes) -> Mask:

@@ -159,7 +159,7 @@ class Joint:
 
     @classmethod
     def of(cls, values: Any) -> Joint:
-        """That of a `ContactValues`."""
+        """Say that of a `ContactValues`."""
         closed, area = values.status != OPEN, values.area
         touching = float(area[closed].sum())
         share = np.divide(touching, area.sum())

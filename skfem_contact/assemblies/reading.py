@@ -148,7 +148,7 @@ def read_bodies(
 
 
 def _stiffness(material: Any, name: str, basis: Any) -> Any:
-    """What a user means as the stiffness of a body, or of its subdomains one by one."""
+    """Return what a user means as the stiffness of a body, or of its subdomains one by one."""
     if not isinstance(material, Mapping):
         # a form and a material may be called as well, but not by a basis
         return material(basis) if isroutine(material) else material
@@ -172,7 +172,7 @@ def _stiffness(material: Any, name: str, basis: Any) -> Any:
 
 
 def _by_name(material: Mapping[str, Any], name: str) -> Any:
-    """What a dict has for a name: itself, else the first pattern that it fits."""
+    """Return what a dict has for a name: itself, else the first pattern that it fits."""
     if name in material:
         return material[name]
     return next((value for key, value in material.items() if fnmatchcase(name, str(key))), None)
@@ -374,7 +374,7 @@ def _numbers(found: Any) -> Index:
 
 
 def _read(file: Path, size: float | None, order: int) -> meshio.Mesh:
-    """What a file has, by meshio, or by Gmsh and meshio."""
+    """Return what a file has, by meshio, or by Gmsh and meshio."""
     if not file.is_file():
         raise InputError(f"{file} is no file")
     suffix = file.suffix.lower()

@@ -65,7 +65,7 @@ class Continuum:
 
     @property
     def mean_dilatation(self) -> bool:
-        """Whether the change of volume is the mean of the element."""
+        """Return whether the change of volume is the mean of the element."""
         return self.split is not None
 
     def linearize(self, u: Array, state: State) -> Linearized:

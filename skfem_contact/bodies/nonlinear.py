@@ -184,7 +184,7 @@ class NonlinearBody(Body):
 
     @property
     def finite_strain(self) -> bool:  # type: ignore[override]
-        """Whether the body may turn and strain by any amount (total Lagrangian)."""
+        """Return whether the body may turn and strain by any amount (total Lagrangian)."""
         return bool(self.equations.finite_strain)
 
     @property

@@ -26,7 +26,7 @@ class Stiffness:
 
     @classmethod
     def of(cls, K: Any, basis: Any, whose: str) -> Stiffness:
-        """That of the body whose `K` this is, as in dataclasses.replace, or a new one."""
+        """Say that of the body whose `K` this is, as in dataclasses.replace, or a new one."""
         known = _KNOWN.get(id(K))
         if known is not None and known.K is K and known.basis is basis:
             return known

@@ -231,7 +231,7 @@ class Identity:
 
     @classmethod
     def of(cls, system: System, contacts: Sequence[Contact]) -> Identity:
-        """That of some bodies and contacts; takes about as long as to read the meshes once."""
+        """Say that of some bodies and contacts; takes about as long as to read the meshes once."""
         return cls(
             bodies=np.array(system.names),
             contacts=np.array(contact_names(tuple(contacts))),

@@ -31,7 +31,7 @@ DAMAGED = (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error)
 
 @dataclass(frozen=True, eq=False)
 class SavedState:
-    """Where a history stands: what ``solve`` and ``history`` need of their ``start``.
+    """The state that a history has come to, as ``solve`` and ``history`` need it for their ``start``.
 
     Attributes
     ----------
@@ -228,7 +228,7 @@ def _state(path: Path, data: dict[str, Any], identity: Identity) -> SavedState:
 
 
 def _materials(result: Answer | SavedState) -> dict[str, Any]:
-    """What bodies that are not linear remember; nothing where there are none."""
+    """Return what bodies that are not linear remember; nothing where there are none."""
     if not result.material:
         return {}
     data: dict[str, Any] = {"bodies": len(result.material), "trend": result.trend}

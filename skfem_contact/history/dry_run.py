@@ -38,7 +38,7 @@ Index = NDArray[np.intp]
 
 
 class Solver(Protocol):
-    """What of a solver is told before it solves."""
+    """The part of a solver that is told before it solves."""
 
     loop: str
     system: System
@@ -50,12 +50,12 @@ class Solver(Protocol):
     linear_model: LinearModel
 
     def sizes(self) -> dict[str, FactorSize]:
-        """What the factorisation of each body in contact will take."""
+        """Return what the factorisation of each body in contact will take."""
         ...
 
 
 def dry_run(solver: Solver) -> str:
-    """What a solver models and what it leaves out, before anything is solved."""
+    """Return what a solver models and what it leaves out, before anything is solved."""
     system = solver.system
     lines = [f"Contact solver: loop '{solver.loop}', {_linear_words(solver)}", ""]
     for body, name, K in zip(system.bodies, system.names, solver.linear_model.stiffness, strict=True):
@@ -312,7 +312,7 @@ class Silent:
 
 
 def count(steps: Any) -> int | None:
-    """How many steps there are, where that is known."""
+    """Return how many steps there are, where that is known."""
     try:
         return len(steps)
     except TypeError:  # a generator; or what is no list of steps, which is refused where it is read

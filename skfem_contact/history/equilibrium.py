@@ -42,7 +42,7 @@ CAN_CARRY = "with the forces that contact can carry"
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """What came of a load step: it arrived, has no equilibrium, or its loop did not converge.
+    """The end of a load step: it arrived, has no equilibrium, or its loop did not converge.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Verdict:
 
     @property
     def arrived(self) -> bool:
-        """Whether there is an answer."""
+        """Return whether there is an answer."""
         return self.free is None and not self.advice
 
     def error(self, loop: str, result: ContactResult | None) -> NoEquilibrium | NotConverged:
@@ -133,12 +133,12 @@ class EquilibriumSearch:
 
     @property
     def model(self) -> LinearModel:
-        """What is solved for, with the motions that it leaves free."""
+        """Return what is solved for, with the motions that it leaves free."""
         return self.stepper.model
 
     @property
     def recovery(self) -> Recovery:
-        """What the displacements of the answer follow from."""
+        """Return what the displacements of the answer follow from."""
         rest = self.settled
         return Recovery.of(self.advance.attempt) if rest is None else rest.recover
 
@@ -167,7 +167,7 @@ class EquilibriumSearch:
         return self._judged()
 
     def _judged(self) -> Verdict:
-        """What the last attempt says of the step, and what was found out about it on the way."""
+        """Return what the last attempt says of the step, and what was found out about it on the way."""
         attempt, model = self.advance.attempt, self.stepper.model
         if attempt.good:
             return ARRIVED
@@ -301,7 +301,7 @@ CORNERS = (
 
 
 def _carries(way: Advance) -> str:
-    """How much of the step is carried, in words: four digits, none of them too large."""
+    """Return how much of the step is carried, in words: four digits, none of them too large."""
     if way.carried is None or way.carried >= 1.0:
         return ""
     limit = way.attempt.at_limit
@@ -325,6 +325,6 @@ def _stateless(attempt: Attempt) -> str:
 
 
 def _has_corners(contact: Contact) -> bool:
-    """Whether the surfaces of a contact have convex corners, their ends included."""
+    """Return whether the surfaces of a contact have convex corners, their ends included."""
     sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
     return any(len(Corners.of(side).node) for side in sides if side.dim == 2)

@@ -94,14 +94,14 @@ class Jacobian:
 
     @property
     def rank(self) -> int:
-        """How many combinations of the parameters the values tell."""
+        """Return how many combinations of the parameters the values tell."""
         size = np.linalg.norm(self.matrix, axis=0)
         s = np.linalg.svd(self.matrix / np.where(size > 0, size, 1.0), compute_uv=False)
         return int(np.sum(s > SOLVED * s.max(initial=0.0)))
 
     @property
     def words(self) -> str:
-        """What the values do not tell, in words; empty where they tell every parameter."""
+        """Say what the values do not tell, in words; empty where they tell every parameter."""
         told: list[bool] = np.any(self.matrix != 0, axis=0).tolist()
         slips = any(np.any(values.status == 2) for result in self.results for values in result)
         by_told = zip(self.by, told, strict=True)

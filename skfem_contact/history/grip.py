@@ -1,4 +1,4 @@
-"""What holds the bodies at an answer, and springs that hold them while one is looked for."""
+"""The hold of bodies at an answer, and springs that hold them while one is looked for."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(eq=False)
 class Grip:
-    """What holds the bodies at an answer: points that carry a force, and friction.
+    """The hold of the bodies at an answer: points that carry a force, and friction.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Grip:
 
     @classmethod
     def of(cls, model: LinearModel, attempt: Attempt) -> Grip:
-        """That of an attempt."""
+        """Say that of an attempt."""
         motions, state = attempt.problem.motions, attempt.local
         if attempt.model is not model:  # there DOFs are held that nothing holds
             motions = model.motions.seen_by(attempt.problem.kin)

@@ -207,17 +207,17 @@ class Attempt:
 
     @cached_property
     def state(self) -> State:
-        """What is remembered of it."""
+        """Return what is remembered of it."""
         return self.local.in_space(self.problem.kin)
 
     @property
     def action(self) -> Array:
-        """Where the forces of the points act at its end, (m, d) [length]."""
+        """Return where the forces of the points act at its end, (m, d) [length]."""
         return self.problem.kin.action if self.own_action is None else self.own_action
 
     @cached_property
     def plastic_slip(self) -> Array:
-        """What friction acts on, see `plastic_slip`, (m, d-1) [length]."""
+        """Return what friction acts on, see `plastic_slip`, (m, d-1) [length]."""
         return plastic_slip(self.model.interface, self.start, self.local)
 
     @cached_property
@@ -227,18 +227,18 @@ class Attempt:
 
     @property
     def energy(self) -> Energy:
-        """What friction takes on its way."""
+        """Return what friction takes on its way."""
         interface, bound = self.model.interface, self.friction_bound
         return friction_energy(interface, self.start, self.local, self.plastic_slip, bound)
 
     @property
     def good(self) -> bool:
-        """Whether the load was reached."""
+        """Return whether the load was reached."""
         return self.outcome.converged and not self.failure
 
     @property
     def reason(self) -> str:
-        """How it ended, in words."""
+        """Return how it ended, in words."""
         return self.failure or self.outcome.message
 
     @property
@@ -248,13 +248,13 @@ class Attempt:
 
     @property
     def stopped(self) -> bool:
-        """Whether the user's callback ended it."""
+        """Return whether the user's callback ended it."""
         return self.outcome.stopped
 
 
 @dataclass(eq=False)
 class Advance:
-    """How far a load step has come, and the last attempt, which says whether it has arrived.
+    """The way that a load step has come, and the last attempt, which says whether it has arrived.
 
     `carried` is the largest share of it that a loading machine has come to, where it did not arrive.
     """
@@ -274,7 +274,7 @@ class Advance:
 
     @property
     def words(self) -> str:
-        """What else it took, for messages: cuts of the step."""
+        """Say what else it took, for messages: cuts of the step."""
         if not self.cuts:
             return ""
         times = "once" if self.cuts == 1 else f"{self.cuts} times"
@@ -283,7 +283,7 @@ class Advance:
 
 @dataclass(eq=False)
 class Recovery:
-    """What it takes to recover the displacements of all bodies for one result, when asked for.
+    """The means to recover the displacements of all bodies for one result, when asked for.
 
     Vectors over the contact DOFs, and the bodies that all results of a solver share. The dense
     contact problem on the pairing of the result is none of it: where contact slides far, every result
@@ -319,7 +319,7 @@ class Recovery:
 
     @classmethod
     def of(cls, attempt: Attempt, shift: Array | None = None) -> Recovery:
-        """That of the last iterate of an attempt."""
+        """Say that of the last iterate of an attempt."""
         problem, load, response = attempt.problem, attempt.load, attempt.outcome.iterate.response
         moved, case, origin = problem.u is not None, attempt.case, attempt.origin
         if origin is not None:
@@ -337,7 +337,7 @@ class Recovery:
 
     @cached_property
     def source(self) -> Source:
-        """What all displacements follow from."""
+        """Return what all displacements follow from."""
         if isinstance(self.found, Source):
             return self.found
         source: Source = self.model.problem_on(None, None).source(*self.found)

@@ -386,7 +386,7 @@ class NonlinearSearch:
 
 
 def _work(part: LoadStep, kin: Kinematics, trend: Array) -> float:
-    """What changes of loads and obstacles would do on the way of the step before [energy]."""
+    """Return what changes of loads and obstacles would do on the way of the step before [energy]."""
     state, before, target = part.state.along(kin), part.before, part.target
     pressed = state.normal_force != 0
     pushed = (before.gap0[pressed] - target.gap0[pressed]) @ state.normal_force[pressed]

@@ -1,4 +1,4 @@
-"""What the user says of a load step, as a `LoadCase` over all bodies and contact points."""
+"""Load steps of the user, read as a `LoadCase` over all bodies and contact points."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ def refined(attempt: Attempt, u: Array, at: Placed) -> tuple[Attempt, Array]:
 
 
 def usable(attempt: Attempt, u: Array) -> bool:
-    """Whether displacements (n,) may be gone on from.
+    """Return whether displacements (n,) may be gone on from.
 
     They follow from matrices that may have no digits, where bodies flow or buckle. What is seen
     through springs comes to its place by and by, in the iterates that follow.
@@ -79,7 +79,7 @@ def usable(attempt: Attempt, u: Array) -> bool:
 
 
 def holds(attempt: Attempt, u: Array) -> bool:
-    """Whether displacements (n,) have the gaps and slips of the points that carry forces."""
+    """Return whether displacements (n,) have the gaps and slips of the points that carry forces."""
     kin, local, seen = attempt.problem.kin, attempt.local, attempt.seen
     closed = local.status != OPEN
     wrong = (kin.B_n @ u)[closed] + seen.gap0[closed] - local.gap[closed]

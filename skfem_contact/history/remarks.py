@@ -34,7 +34,7 @@ TURNED = (
 
 
 def remarks(attempt: Attempt, placed: Placed) -> dict[str, str]:
-    """What is to be said, in words, by what it is about: each is said once in a history."""
+    """Return what is to be said, in words, by what it is about: each is said once in a history."""
     found = {}
     if unstable(attempt, placed):
         found["unstable"] = UNSTABLE

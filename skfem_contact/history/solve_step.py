@@ -59,7 +59,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class StepSolver(ByFields):
-    """What makes answers of load cases: one for all load steps of a solver."""
+    """The maker of answers to load cases: one for all load steps of a solver."""
 
     stepper: Stepper
     reader: StepReader
@@ -174,7 +174,7 @@ class StepSolver(ByFields):
 
     @once
     def watch(self) -> Watch:
-        """What is looked at after every step, made in the first."""
+        """Return what is looked at after every step, made in the first."""
         model = self.stepper.model
         return Watch(model.geometry, model.interface, model.diagonals, lambda: model.known)
 
@@ -209,7 +209,7 @@ class StepSolver(ByFields):
         return start
 
     def _own(self, start: Answer | SavedState) -> bool:
-        """Whether a state is of the very bodies and contacts that are solved for here."""
+        """Return whether a state is of the very bodies and contacts that are solved for here."""
         geometry = self.stepper.model.geometry
         if isinstance(start, Answer) and start.model.geometry is geometry:
             return True  # before finding out what tells them from others
@@ -265,7 +265,7 @@ class StepSolver(ByFields):
         )
 
     def _places(self, found: EquilibriumSearch | NonlinearSearch) -> tuple[str, ...]:
-        """What is to be said of bodies that may stand elsewhere."""
+        """Return what is to be said of bodies that may stand elsewhere."""
         model, rest, grip = found.model, found.settled, found.grip
         if rest is not None and rest.free.shape[1]:
             return model.motions.indifferent(rest.free, rest.why)
@@ -299,7 +299,7 @@ def _remark(result: Answer, remarks: dict[str, str]) -> None:
 
 
 def _issued(start: Known) -> Issued:
-    """What has been warned of in the history so far; a file does not know."""
+    """Return what has been warned of in the history so far; a file does not know."""
     return start.diagnostics.issued if isinstance(start, Answer) else frozenset()
 
 

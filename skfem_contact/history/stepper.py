@@ -43,7 +43,7 @@ RAN_AWAY = (
 
 @dataclass(frozen=True, eq=False)
 class Stepper(ByFields):
-    """What load steps are solved by; nothing of it depends on them.
+    """The means by which load steps are solved; nothing of it depends on them.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Stepper(ByFields):
 
     @cached_property
     def starts(self) -> tuple[str, ...]:
-        """Where attempts may begin, in this order."""
+        """Return where attempts may begin, in this order."""
         interface, turns = self.model.interface, self.model.kin.tangents > 1
         turns = turns and bool(interface.laws)
         # a loading machine is one on gaps and slips, along one way of a step on one pairing
@@ -80,19 +80,19 @@ class Stepper(ByFields):
         return tuple(found)
 
     def starts_from(self, known: State | None) -> list[str]:
-        """Where attempts begin that go on from a state, or from nothing."""
+        """Return where attempts begin that go on from a state, or from nothing."""
         return [start for start in self.starts if start != ("warm" if known is None else "cold")]
 
     @cached_property
     def jumps(self) -> bool:
-        """Whether friction jumps where points open, and can be made to rise steeply instead."""
+        """Return whether friction jumps where points open, and can be made to rise steeply instead."""
         interface, kin = self.model.interface, self.model.kin
         by_bound = all(law.by_bound for _, law in interface.laws)
         return by_bound and kin.tangents > 1 and rough_at_rest(interface, kin.area, kin.tangents)
 
     @property
     def complete(self) -> bool:
-        """Whether pivoting finds what there is: for linear laws in 2-D and a given pairing.
+        """Return whether pivoting finds what there is: for linear laws in 2-D and a given pairing.
 
         The bound of points that never open is not linear in a force that may pull, but for Tresca's.
         """
@@ -222,7 +222,7 @@ class Stepper(ByFields):
         seen: LoadCase,
         counted: LoadCase,
     ) -> LocalState:
-        """Where an attempt has ended, along the tangents of its pairing."""
+        """Return where an attempt has ended, along the tangents of its pairing."""
         it, last = outcome.iterate, step.last
         interface, geometry = self.model.interface, self.model.geometry
         response = it.response

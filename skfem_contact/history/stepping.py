@@ -65,7 +65,7 @@ logger = logging.getLogger("skfem_contact")
 
 @dataclass
 class Bisection:
-    """How much of a load step is done, and how large a part of it is attempted next.
+    """The share of a load step that is done, and the size of the part that is attempted next.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class Bisection:
 
     @property
     def spent(self) -> bool:
-        """Whether a part that fails is not cut any more."""
+        """Return whether a part that fails is not cut any more."""
         return self.share <= max(self.smallest, SOLVED) or self.fails >= self.most
 
     def go_on(self, travel: float) -> None:
@@ -198,7 +198,7 @@ def _first_held(by: Stepper, part: LoadStep, starts: list[str]) -> Attempt | Non
 
 
 def _where_free(starts: list[str]) -> list[str]:
-    """Where to begin after an attempt that left a motion free.
+    """Return where to begin after an attempt that left a motion free.
 
     Smaller steps would end there too; the machine says how much of this one is carried.
     """
@@ -207,7 +207,7 @@ def _where_free(starts: list[str]) -> list[str]:
 
 
 def left_free(by: Stepper, attempt: Attempt) -> bool:
-    """Whether an attempt left a motion free where pivoting finds what there is."""
+    """Return whether an attempt left a motion free where pivoting finds what there is."""
     return attempt.outcome.free is not None and by.complete
 
 
@@ -261,7 +261,7 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
 
 @dataclass(frozen=True, eq=False)
 class Relief:
-    """How closed points are relieved by a depth that wears off them.
+    """The relief of closed points by a depth that wears off them.
 
     Attributes
     ----------

@@ -250,7 +250,7 @@ def conjugate_gradients(
 
 
 def _round_off(A: Any, x: np.ndarray) -> float:
-    """What ``A x`` is uncertain by: a sum of n terms is known to n roundings of their sizes.
+    """Return what ``A x`` is uncertain by: a sum of n terms is known to n roundings of their sizes.
 
     (N. J. Higham, Accuracy and stability of numerical algorithms, 2002, section 3.1.)
     """

@@ -41,7 +41,7 @@ class Stacked(RemoteStiffness):
 
 
 class Surface(Protocol):
-    """What forces on some DOFs move there."""
+    """The response of some DOFs to forces on them."""
 
     def __call__(self, force: Array, flexibility: Array | None = None) -> Array:
         """Displacements (m,) under forces (m,).
@@ -109,7 +109,7 @@ class BodyFactor(Protocol):
         ...
 
     def response(self, dofs: Index) -> Surface:
-        """What forces on some DOFs (m,) move there."""
+        """Return what forces on some DOFs (m,) move there."""
         ...
 
 

@@ -80,7 +80,7 @@ class DenseFactors:
         return diagonal if self.exchanged is None else np.abs(diagonal)
 
     def even(self, share: float) -> bool:
-        """Whether no entry of `diagonal` is below this share of the largest one."""
+        """Return whether no entry of `diagonal` is below this share of the largest one."""
         diagonal = self.diagonal
         return bool(np.min(diagonal, initial=np.inf) >= share * np.max(diagonal, initial=0.0))
 
@@ -206,7 +206,7 @@ def symmetrise(A: Array) -> None:
 
 
 def mirror(A: Array) -> None:
-    """What is below the diagonal written above it, too.
+    """Return what is below the diagonal written above it, too.
 
     >>> A = np.array([[1.0, 0.0], [4.0, 3.0]])
     >>> mirror(A)

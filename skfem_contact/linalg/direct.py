@@ -188,7 +188,7 @@ _PATTERNS: WeakKeyDictionary[Member, tuple[tuple[np.ndarray, ...], Pattern]] = W
 
 
 def _pattern(body: Member, K: Any, points: np.ndarray, keep: np.ndarray, free: np.ndarray) -> Pattern:
-    """Where the entries of a tangent go, found once for a body; parameters as of `condensed`."""
+    """Return where the entries of a tangent go, found once for a body; parameters as of `condensed`."""
     given, known = (K.indptr, K.indices, keep, free), _PATTERNS.get(body)
     if known is None or not all(map(np.array_equal, known[0], given)):
         known = _PATTERNS[body] = given, Pattern.of(K, points, keep, LEAF, free)

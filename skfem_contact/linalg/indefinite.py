@@ -94,7 +94,7 @@ class IndefiniteFactor:
         return self.eliminate(f)[inside:].reshape(-1, *f.shape[1:])
 
     def response(self, dofs: Index) -> Surface:
-        """What forces on some DOFs (m,) move there."""
+        """Return what forces on some DOFs (m,) move there."""
 
         def moved(force: Array, flexibility: Array | None = None) -> Array:
             f = np.zeros(len(self.order))

@@ -20,7 +20,7 @@ Operator = Callable[[Array], Array]
 
 @dataclass(frozen=True, eq=False)
 class Iterated:
-    """What an iteration has come to.
+    """The end of an iteration.
 
     Attributes
     ----------
@@ -159,7 +159,7 @@ class Anderson:
 
     @property
     def active(self) -> bool:
-        """Whether there is more than one pair to combine."""
+        """Return whether there is more than one pair to combine."""
         return len(self._values) > 1
 
     def next(self, u: Array, value: Array) -> Array:

@@ -56,14 +56,14 @@ class _Alone:
 
 
 class _Own(local):
-    """How often a thread is inside, and what it has set for itself."""
+    """The number of times that a thread is inside, and what it has set for itself."""
 
     def __init__(self) -> None:
         self.depth, self.taken = 0, list[tuple[Any, int]]()
 
 
 def _of_each_thread(library: Any) -> bool:
-    """Whether each Python thread has a setting of its own."""
+    """Return whether each Python thread has a setting of its own."""
     return library.internal_api == "mkl" or getattr(library, "threading_layer", "") == "openmp"
 
 
@@ -112,7 +112,7 @@ def _blas() -> Any:
 
 @dataclass(frozen=True)
 class Limits:
-    """What a solver may take [bytes]."""
+    """The memory that a solver may take [bytes]."""
 
     dense: float
     factors: float

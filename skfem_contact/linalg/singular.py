@@ -1,4 +1,4 @@
-"""How a matrix that is singular to working precision is recognised, and what is raised."""
+"""Recognition of matrices that are singular to working precision, and what is raised."""
 
 from __future__ import annotations
 

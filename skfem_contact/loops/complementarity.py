@@ -181,7 +181,7 @@ class Projection:
 
     @cached_property
     def left_over(self) -> tuple[Array, Array]:
-        """What is left of both equations at every point, (m,) and (m, d-1) [force]."""
+        """Return what is left of both equations at every point, (m,) and (m, d-1) [force]."""
         step, response = self.step, self.response
         closed, force = self.closed
         normal = response.normal_force - force

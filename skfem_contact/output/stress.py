@@ -151,7 +151,7 @@ def _mises(stress: Array) -> Array:
 
 @known_keywords()
 def nodal_field(result: ContactResult, body: Member | str, field: str) -> Array:
-    """What the material of a body knows, at its nodes: its stress, or an internal variable.
+    """Return what the material of a body knows, at its nodes: its stress, or an internal variable.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How the bodies enter the contact problem: as chosen, or by the memory and time that each way takes.
+"""The way of the bodies into the contact problem: as chosen, or by memory and time.
 
 Dense matrices of the contact DOFs take the cube of their number to make, and hardly anything in each
 load step. Iterated forces take products with the factors of the bodies in each load step, and nothing
@@ -85,7 +85,7 @@ class Choice:
 
     @property
     def route(self) -> str:
-        """How the bodies enter the contact problem.
+        """Return how the bodies enter the contact problem.
 
         "condensed" to their contact DOFs, "iterated" by products with their factors, by "multigrid"
         without factors, or "full", with contact eliminated from all of their DOFs.
@@ -144,7 +144,7 @@ class Choice:
 
     @cached_property
     def said(self) -> str:
-        """What a report says of the route: nothing of the usual one."""
+        """Return what a report says of the route: nothing of the usual one."""
         words = {
             "iterated": "forces by GMRES through the factors of the bodies",
             "multigrid": "displacements and forces by GMRES with multigrid",
@@ -184,7 +184,7 @@ class Choice:
 
     @property
     def backend(self) -> Any:
-        """What factorises the bodies, or solves where nothing is factorised beforehand."""
+        """Return what factorises the bodies, or solves where nothing is factorised beforehand."""
         if isinstance(self.linear, str):
             if self.route != "multigrid":
                 return Direct()

@@ -94,7 +94,7 @@ class Condensed(Substructures[Substructure]):
         return W
 
     def components(self, f: Array, x: Array) -> tuple[Components | None, ...]:
-        """What `recover` wants to know of loads: of each body, see `Substructure.components`."""
+        """Return what `recover` wants to know of loads: of each body, see `Substructure.components`."""
         parts = zip(self.substructures, self._parts("f", f), self._parts("x", x), strict=True)
         return tuple([part.components(*loads) for part, *loads in parts])
 
@@ -171,7 +171,7 @@ class Condensed(Substructures[Substructure]):
 
     @cached_property
     def least_softness(self) -> Array | None:
-        """How far a unit force moves each contact DOF at least, (n_c,) [length/force].
+        """Return how far a unit force moves each contact DOF at least, (n_c,) [length/force].
 
         By Gershgorin's circles ``S + P P' <= diag(sum_j |K_ij|) + P P'``. None where K is elsewhere.
         """
@@ -250,7 +250,7 @@ class PointProblem(OnContactDofs[Condensed]):
 
     @cached_property
     def resistance(self) -> Resistance:
-        """What each point resists by itself; anchors hold bodies that their supports do not.
+        """Return what each point resists by itself; anchors hold bodies that their supports do not.
 
         Where points are seen through springs, what its own DOFs resist: anchors depend on numbering.
         """

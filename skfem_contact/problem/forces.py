@@ -188,7 +188,7 @@ class OnForces(OnContactDofs[W]):
 
     @cached_property
     def resistance(self) -> Resistance:
-        """What each point resists by itself, by the diagonal of K."""
+        """Return what each point resists by itself, by the diagonal of K."""
         return point_resistance(
             self.rows, self.slips, lambda rows: STIFFER * self.layers.flexibility(rows)
         )
@@ -227,7 +227,7 @@ class OnForces(OnContactDofs[W]):
         return self._stiffness[1]
 
     def _positions(self) -> Array:
-        """Where the point of each row is, (r, d)."""
+        """Return where the point of each row is, (r, d)."""
         points = np.zeros((self.G.shape[0], self.kin.points.shape[1]))
         for rows in (self.normal_rows[:, None], self.tangential_rows):
             point, column = np.nonzero(rows >= 0)

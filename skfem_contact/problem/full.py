@@ -91,13 +91,13 @@ class FullProblem(Posed):
 
     @cached_property
     def resistance(self) -> Resistance:
-        """What each point resists by itself, by K's diagonal."""
+        """Return what each point resists by itself, by K's diagonal."""
         given = STIFFER * self._softness
         return point_resistance(self.kin, self.slips, lambda rows: rows @ diags(given))
 
     @cached_property
     def _softness(self) -> Array:
-        """How far a unit force moves each DOF, all others held, (n,) [length/force]."""
+        """Return how far a unit force moves each DOF, all others held, (n,) [length/force]."""
         diagonal = self.space.K.diagonal()
         given = np.zeros_like(diagonal)
         free = np.setdiff1d(np.flatnonzero(diagonal > 0), self.space.D)
@@ -134,7 +134,7 @@ class FullProblem(Posed):
         return DisplacementsInSeries(self.space, C)
 
     def _compliance(self) -> Array:
-        """That of the springs of the problem, by K's diagonal."""
+        """Say that of the springs of the problem, by K's diagonal."""
         free = np.setdiff1d(np.arange(len(self._softness)), self.space.D)
         softness = self._softness[free]
         rows = without_columns(self.kin, free)

@@ -338,7 +338,7 @@ class _Fields(HeldForces):
         return u, p, q
 
     def _round_off(self, u: Array, p: Array, q: Array) -> float:
-        """What the left-hand sides are uncertain by: large terms cancel.
+        """Return what the left-hand sides are uncertain by: large terms cancel.
 
         So they do in stiff bodies that move as they are, and where a body that only contact holds is
         held by springs, whose extensions q contact takes back. A sum of n terms is known to n roundings

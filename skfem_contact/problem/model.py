@@ -42,7 +42,7 @@ EVEN_CLOSED = "even with every contact point closed"
 
 
 class LinearModel:
-    """What depends on the stiffness and not on loads; nothing is factorised before it is needed.
+    """The part of a problem that depends on the stiffness and not on loads; factorised when needed.
 
     All solves share it, those of several threads too: what it computes stays as it is, and is computed
     by the first who asks for it, while the others wait. What a solve changes is in its `Workspace`.
@@ -288,7 +288,7 @@ class LinearModel:
 
     @cached_property
     def choice(self) -> Choice:
-        """How the bodies enter the contact problem, and why."""
+        """Return how the bodies enter the contact problem, and why."""
         slipping = self.kin.paired & self.interface.slipping
         rows = int(self.kin.paired.sum() + self.kin.tangents * slipping.sum())
         given = self.linear, self.limits, self.system, self.stiffness
@@ -296,7 +296,7 @@ class LinearModel:
 
     @property
     def route(self) -> str:
-        """How the bodies enter the contact problem, see `Choice.route`."""
+        """Return how the bodies enter the contact problem, see `Choice.route`."""
         return self.choice.route
 
     def problem_on(self, kin: Kinematics | None, u: Array | None) -> ContactProblem:
@@ -333,7 +333,7 @@ class LinearModel:
 
     @property
     def condenses(self) -> bool:
-        """Whether there is a problem on gaps and slips: see `on_points`."""
+        """Return whether there is a problem on gaps and slips: see `on_points`."""
         sparse = self.route == "full" and isinstance(self.choice.backend, Direct)
         return self.route == "condensed" or sparse
 

@@ -26,7 +26,7 @@ NO_ROW = np.zeros(1)
 
 
 class HeldRows:
-    """Which rows conditions hold, and which carry friction: the same for all with one `matrix_key`.
+    """The rows that conditions hold, and that carry friction: the same for all with one `matrix_key`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-r"""What one iteration asks of a contact problem, and what it is told.
+r"""The question of one iteration to a contact problem, and the answer.
 
 One nonlinear iteration asks one linear question: with these points closed, those sticking and a
 given linear friction law on the rest (`Conditions`), what are the gaps, slips and contact forces
@@ -23,7 +23,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(eq=False)
 class Conditions:
-    r"""What holds at every point during one linear solve.
+    r"""The conditions at every point during one linear solve.
 
     A closed point has no gap. If it sticks, its slip is `anchor`; otherwise its friction force is
     ``tau = offset + spring (s - anchor) + coupling lambda``: springs may be far stiffer than points,
@@ -51,12 +51,12 @@ class Conditions:
 
     @property
     def gives(self) -> bool:
-        """Whether any point has a spring."""
+        """Return whether any point has a spring."""
         return bool(np.count_nonzero(self.spring))
 
     @property
     def even_springs(self) -> bool:
-        """Whether all springs are symmetric.
+        """Return whether all springs are symmetric.
 
         They are not where a bound grows with the slip: the force along the direction of friction then
         changes with slip along another, that of all slip so far.
@@ -73,7 +73,7 @@ class Conditions:
 
 
 def odd_round_off(spring: Array) -> Array:
-    """What takes springs (m, t, t) that count as symmetric from being so; zero for the others.
+    """Return what takes springs (m, t, t) that count as symmetric from being so; zero for the others.
 
     >>> odd_round_off(np.array([[[2.0, 1e-12], [0.0, 2.0]], [[2.0, 1.0], [0.0, 2.0]]])).tolist()
     [[[0.0, 5e-13], [-5e-13, 0.0]], [[0.0, 0.0], [0.0, 0.0]]]
@@ -114,7 +114,7 @@ class Response:
 
 
 class Resistance(NamedTuple):
-    """What each point resists by itself, the others free to move, (m,) [force/length].
+    """The resistance of each point by itself, the others free to move, (m,) [force/length].
 
     Attributes
     ----------
@@ -152,7 +152,7 @@ class Load:
 
 @dataclass(eq=False)
 class Source:
-    """What the displacements of the bodies follow from.
+    """The forces or displacements that the displacements of the bodies follow from.
 
     Attributes
     ----------

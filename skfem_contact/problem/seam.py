@@ -64,7 +64,7 @@ P = TypeVar("P", bound="Posed")
 
 
 class LinearProblem(Protocol):
-    """What an iteration asks: gaps, slips and forces under conditions that are linear."""
+    """A problem that gives gaps, slips and forces under conditions that are linear."""
 
     @property
     def points(self) -> PointSpace | None:
@@ -140,7 +140,7 @@ class ContactProblem(LinearProblem, Protocol):
 
     @property
     def resistance(self) -> Resistance:
-        """What each point resists by itself: how gaps and slips count beside forces."""
+        """Return what each point resists by itself: how gaps and slips count beside forces."""
         ...
 
     def in_series(self, C: Resistance) -> LinearProblem:
@@ -152,7 +152,7 @@ class ContactProblem(LinearProblem, Protocol):
         ...
 
     def source(self, load: Load, response: Response) -> Source:
-        """What the displacements of the bodies follow from."""
+        """Return what the displacements of the bodies follow from."""
         ...
 
     def sources(self, found: Sequence[tuple[Load, Response]]) -> list[Source]:
@@ -193,7 +193,7 @@ class Bodies(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class PosedOn:
-    """What a contact problem is posed on: a pairing, and what belongs to it.
+    """The pairing that a contact problem is posed on, and what belongs to it.
 
     Attributes
     ----------
@@ -213,7 +213,7 @@ class PosedOn:
 
 
 class Posed:
-    """What all contact problems have of the pairing that they are posed on."""
+    """The part that all contact problems have of the pairing that they are posed on."""
 
     unknowns = 0
 
@@ -234,7 +234,7 @@ class Posed:
         self.steps, self.on_points = WeakKeyDictionary(), None
 
     def source(self, load: Load, response: Response) -> Source:
-        """What the displacements of the bodies follow from."""
+        """Return what the displacements of the bodies follow from."""
         raise NotImplementedError
 
     def sources(self, found: Sequence[tuple[Load, Response]]) -> list[Source]:
@@ -267,7 +267,7 @@ B = TypeVar("B", bound=Reduced)
 
 
 class OnContactDofs(Posed, Generic[B]):
-    """What contact problems on contact DOFs share: the rows on these, and on prescribed ones."""
+    """The rows of contact problems on contact DOFs, and on prescribed ones."""
 
     def __init__(self, bodies: B, on: PosedOn) -> None:
         super().__init__(on)

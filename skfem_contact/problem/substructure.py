@@ -299,7 +299,7 @@ class Substructure:
 
     @once
     def softness(self) -> Array:
-        """How far a unit force moves each kept DOF, all others held, (n_c,) [length/force].
+        """Return how far a unit force moves each kept DOF, all others held, (n_c,) [length/force].
 
         By the diagonal of K, which knows of no anchors; zero of a rigid body.
         """

@@ -252,7 +252,7 @@ class Layers:
 
 
 def _independent(G: csr_matrix) -> bool:
-    """Whether rows that only rigid bodies move do not depend on each other.
+    """Return whether rows that only rigid bodies move do not depend on each other.
 
     Such are slips at nodes whose displacements are prescribed, on a symmetry plane for instance: a few
     of them fix all the motions that a rigid body has, and the others follow.

@@ -161,7 +161,7 @@ class Compliance:
         return Compliance(*given, stable=self.stable, refuses=False)
 
     def independent(self, G: csr_matrix, least: Array | None) -> bool:
-        """Whether no row depends on others as far as a sparse matrix shows; false if small.
+        """Return whether no row depends on others as far as a sparse matrix shows; false if small.
 
         Parameters
         ----------
@@ -248,7 +248,7 @@ class Zone:
         return new
 
     def keeps(self, needed: Mask) -> bool:
-        """Whether all these points are kept."""
+        """Return whether all these points are kept."""
         return not np.count_nonzero(needed & self._dropped)
 
     def solve(self, conditions: Conditions, load: Load, key: object) -> Response:
@@ -325,7 +325,7 @@ class _Loads:
         return last[1]
 
     def moved(self, load: Load) -> tuple[Array, Array]:
-        """What gaps and slips do where contact carries nothing, and what anchors do."""
+        """Return what gaps and slips do where contact carries nothing, and what anchors do."""
         assert load.moved is not None
         moved, q = load.moved if self._on is None else load.moved[self._on], len(self._S)
         return moved[:q], moved[q:]

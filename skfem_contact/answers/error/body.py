@@ -69,7 +69,7 @@ def _near(body: Body, touched: Array) -> Elements:
 
 
 def stiffness_error(result: Answer, contact: Contact, values: ContactValues, traction: Array) -> float:
-    """What a finite tangential stiffness G takes from the friction of sticking points.
+    """Return what a finite tangential stiffness G takes from the friction of sticking points.
 
     A body of stiffness k in series with G bears ``k / (k + G)`` less. The bodies' stiffness at a node
     belongs to motions of one node; all sticking points together are softer by their number.

@@ -1,4 +1,4 @@
-r"""What an answer is worth: the discretisation error of its tractions, estimated from the answer alone.
+r"""The worth of an answer: the discretisation error of its tractions, estimated from the answer alone.
 
 The certificate says how well the discrete problem is solved. This says how far its solution may be
 from that of the continuous problem, in the L2 norm over the contact, from six sources:
@@ -124,7 +124,7 @@ def points_across(net: Net, status: Index) -> int:
 
 
 def _between_nodes(result: Answer, values: ContactValues, contact: Contact) -> bool:
-    """Whether nodes press on the other side between its nodes, node by node."""
+    """Return whether nodes press on the other side between its nodes, node by node."""
     if contact.method != "node" or contact.rigid:
         return False
     assert isinstance(contact.primary, ContactSurface)
@@ -136,7 +136,7 @@ def _between_nodes(result: Answer, values: ContactValues, contact: Contact) -> b
 
 
 def _straight(side: ContactSurface) -> bool:
-    """Whether second-order faces of a curved side have their middle nodes on straight edges."""
+    """Return whether second-order faces of a curved side have their middle nodes on straight edges."""
     return bool(side.quadratic and np.any(side.quadrics.curved & ~side.quadrics.bowed))
 
 

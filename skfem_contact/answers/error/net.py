@@ -78,7 +78,7 @@ class Net:
 
     @cached_property
     def joined(self) -> csr_matrix:
-        """Which known nodes are the ends of one edge, (m, m), zeros and ones."""
+        """Return which known nodes are the ends of one edge, (m, m), zeros and ones."""
         corners = self.surface.facets
         i, j = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
         some = self.known[i] & self.known[j]

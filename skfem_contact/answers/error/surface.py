@@ -250,7 +250,7 @@ def _lost(surface: ContactSurface, forces: Array) -> float:
 
 
 def net_of(result: Answer, bodies: float, chords: float) -> tuple[float, float]:
-    """What is left of both where they are known to have opposite signs.
+    """Return what is left of both where they are known to have opposite signs.
 
     Meshes are too stiff, so what interference presses is too high, and chords show too little of it.
     Loads and supports leave the sign of the first open: then the squares of both count.

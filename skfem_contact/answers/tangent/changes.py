@@ -72,7 +72,7 @@ class Change:
 
     @property
     def case(self) -> LoadCase:
-        """What the bodies and the points see of it, as a load case."""
+        """Return what the bodies and the points see of it, as a load case."""
         return LoadCase(self.f, self.x, self.gap0, self.slip0, np.zeros(len(self.gap0)), ())
 
     def minus(self, other: Change, factor: float) -> Change:
@@ -161,12 +161,12 @@ class Parameter:
 
 
 def parameter(given: Any) -> Parameter:
-    """What `by` names: a `Parameter`, or its kind alone."""
+    """Return what `by` names: a `Parameter`, or its kind alone."""
     return given if isinstance(given, Parameter) else Parameter(given)
 
 
 def change(by: Parameter, tangent: Tangent) -> Change:
-    """What a number changes of the load step of an answer."""
+    """Return what a number changes of the load step of an answer."""
     answer = tangent.answer
     kin, out = answer.kin, Change.none(answer)
     along = 1.0 if by.along is None else by.along

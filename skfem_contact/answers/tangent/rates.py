@@ -57,7 +57,7 @@ class Weights:
         return cls(points, None, np.zeros(len(answer.contacts)))
 
     def at(self, points: dict[str, Array]) -> float:
-        """What changes of these blocks of numbers make of the number."""
+        """Return what changes of these blocks of numbers make of the number."""
         return sum(float(np.vdot(self.points[name], rates)) for name, rates in points.items())
 
 

@@ -185,7 +185,7 @@ class Tangent:
 
     @cached_property
     def conditions(self) -> Conditions:
-        """What a linear solve holds every point to, with nothing that drives it."""
+        """Return what a linear solve holds every point to, with nothing that drives it."""
         still, slopes = np.zeros(self.local.slip.shape), self.slopes
         return Conditions(self.closed, self.stick, still, slopes.spring, still, slopes.by_normal)
 
@@ -232,7 +232,7 @@ class Tangent:
 
     @cached_property
     def margin(self) -> Array:
-        """How far each point is from its next change, shape (m,): a force over the largest one.
+        """Return how far each point is from its next change, shape (m,): a force over the largest one.
 
         Of a closed point its normal force, or what friction lacks to its bound; of an open one its gap,
         and of a slipping one its slip in the step, times what the point resists by itself. Infinite
@@ -250,7 +250,7 @@ class Tangent:
 
     @cached_property
     def _apart(self) -> Array:
-        """How far each point is from opening or closing, (m,) [force]."""
+        """Return how far each point is from opening or closing, (m,) [force]."""
         local = self.local
         gap = np.where(np.isfinite(local.gap), local.gap, np.inf)
         with np.errstate(invalid="ignore"):  # a point without a partner resists nothing

@@ -145,7 +145,7 @@ class Assessment:
         return boundary(self.solids[name], self.result.displacement(name))
 
     def of_body(self, name: str) -> dict[str, str]:
-        """What is beyond its bound of one body, in words by kind.
+        """Return what is beyond its bound of one body, in words by kind.
 
         Bending and shear turn parts of a body by as much as they strain it, or by more. What is not
         more than the strain is told by it.
@@ -164,7 +164,7 @@ class Assessment:
     # -- contacts -----------------------------------------------------------------------------
 
     def of_contact(self, i: int, kinds: Collection[str] = OF_CONTACTS) -> dict[str, str]:
-        """What is beyond its bound of one contact, in words by kind; of the kinds asked for."""
+        """Return what is beyond its bound of one contact, in words by kind; of the kinds asked for."""
         found, drift, contact = {}, self.drift(i), self.result.contacts[i]
         if not drift.small_sliding_holds:
             found["sliding"] = sliding_words(drift)
@@ -176,7 +176,7 @@ class Assessment:
 
     @_once
     def drift(self, i: int) -> Drift:
-        """How far a contact has drifted, with the slips of the displacements."""
+        """Return how far a contact has drifted, with the slips of the displacements."""
         return _drift(self.result, i)
 
     @_once
@@ -192,7 +192,7 @@ class Assessment:
         return ContactValidity(self.drift(i), *seen, angle, share, self._alone(i))
 
     def _overlap(self, i: int) -> str:
-        """What contact conditions do not see of one contact, in words; empty for nothing."""
+        """Return what contact conditions do not see of one contact, in words; empty for nothing."""
         result, drift, contact = self.result, self.drift(i), self.result.contacts[i]
         if i in result.diagnostics.undetected:
             return result.diagnostics.undetected[i]
@@ -208,7 +208,7 @@ class Assessment:
         return self._crossing(i)
 
     def _crossing(self, i: int) -> str:
-        """What edges of two solids do that cross, in words; empty for nothing."""
+        """Return what edges of two solids do that cross, in words; empty for nothing."""
         result, sides = self.result, sides_of(self.result.contacts[i])
         part, approach = result.slices()[i], self.drift(i).approach
         added = result.diagnostics.tracks[i].added - result.worn_case.interference[part]
@@ -222,7 +222,7 @@ class Assessment:
         return crossing_words(found, *(side.label for side in sides))
 
     def meeting(self, i: int) -> Meeting:
-        """How the deformed boundaries meet; the step may have measured it."""
+        """Return how the deformed boundaries meet; the step may have measured it."""
         if i not in self.meetings:
             self.meetings[i] = self._met(i)
         return self.meetings[i]
@@ -256,7 +256,7 @@ class Assessment:
         return between(*boundaries, off, system.extent, moved, added, closed, paired)
 
     def _alone(self, i: int) -> bool:
-        """Whether the deepest point is a node that is all that presses there."""
+        """Return whether the deepest point is a node that is all that presses there."""
         meeting, contact = self.meeting(i), self.result.contacts[i]
         if meeting.outward is None or not of_two_bodies(contact):
             return False

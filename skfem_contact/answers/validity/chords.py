@@ -153,7 +153,7 @@ def _spread(edges: Array, kind: FacetKind) -> Array:
 
 
 def bends(surface: ContactSurface) -> tuple[Array, Array]:
-    """How every facet bends, and the edges of the pieces that stand for it.
+    """Return how every facet bends, and the edges of the pieces that stand for it.
 
     Returns
     -------

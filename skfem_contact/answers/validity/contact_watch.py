@@ -41,7 +41,7 @@ Index = NDArray[np.intp]
 
 
 class ContactWatch:
-    """What does not change from answer to answer, of one contact.
+    """The part of the look at one contact that does not change from answer to answer.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class ContactWatch:
         self.asks |= contact.rigid_body is not None and contact.sliding == "small"
 
     def _free(self, b: int, known: Index) -> Support:
-        """How a body moves as a whole, by what is known of its displacements."""
+        """Return how a body moves as a whole, by what is known of its displacements."""
         start, end = self.system.offsets[b : b + 2]
         known = known[(known >= start) & (known < end)] - start
         body = self.system.bodies[b]
@@ -134,7 +134,7 @@ class ContactWatch:
         return dot(moved, self.track.normal), self.track.tangential(moved)
 
     def _apart(self, motions: Sequence[Array]) -> Array:
-        """How far points move against each other by the motions (r,) of the bodies, (m, d)."""
+        """Return how far points move against each other by the motions (r,) of the bodies, (m, d)."""
         own = self.motions[0] @ motions[0]
         return np.asarray(own - self.motions[1] @ motions[1] if len(motions) > 1 else own)
 
@@ -146,7 +146,7 @@ class ContactWatch:
         u: Array,
         followed: tuple[Array, Array] | None,
     ) -> Drift:
-        """How far the contact has drifted at an answer.
+        """Return how far the contact has drifted at an answer.
 
         Parameters
         ----------
@@ -221,7 +221,7 @@ class ContactWatch:
         return track.sagitta(force, moved)
 
     def undetected(self, state: State, gap: Array, case: LoadCase, u: Array, drift: Drift) -> str:
-        """What contact conditions do not see of obstacles, in words; or nothing.
+        """Return what contact conditions do not see of obstacles, in words; or nothing.
 
         Parameters are those of `drift`, and what it has found.
         """

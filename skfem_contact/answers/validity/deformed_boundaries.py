@@ -80,7 +80,7 @@ class Boundary:
         return np.unique(points[within(points, box)], axis=0)
 
     def inside(self, points: Array) -> Mask:
-        """Which points lie inside, shape (p,).
+        """Return which points lie inside, shape (p,).
 
         A simplex is compared only with the points in its strips of one axis across the ray that lie
         beside it along the last one: sorted by strip, then along it, these follow each other.
@@ -178,7 +178,7 @@ class Boundary:
         return np.flatnonzero(met if met.any() else ~met)
 
     def depth(self, points: Array) -> Array:
-        """How deep points lie inside, zero outside, shape (p,) [length]."""
+        """Return how deep points lie inside, zero outside, shape (p,) [length]."""
         out, inside = np.zeros(len(points)), self.inside(points)
         if inside.any():
             out[inside] = self.distance(points[inside])
@@ -239,7 +239,7 @@ class BoundaryNodes:
         return Boundary(np.ascontiguousarray(x[:, simplices].reshape(-1, d, d)), points)
 
     def falls_away(self, node: int, outward: Array, by: float) -> bool:
-        """Whether every facet falls away from a node by more than a length.
+        """Return whether every facet falls away from a node by more than a length.
 
         As it is meshed: facets that lie on the other body are deformed by the contact.
 
@@ -263,7 +263,7 @@ def boundary(body: Body, u: Array) -> Boundary:
 
 
 def within(points: Array, box: tuple[Array, Array]) -> Mask:
-    """Which points (p, d) lie in a box of least and largest coordinates, its sides included."""
+    """Return which points (p, d) lie in a box of least and largest coordinates, its sides included."""
     low, high = box
     return np.asarray(np.all((points >= low) & (points <= high), axis=1))
 
@@ -319,7 +319,7 @@ def _blocks(count: Index) -> list[Index]:
 
 @dataclass(frozen=True)
 class Meeting:
-    """How two sides meet, seen from outside.
+    """The meeting of two sides, seen from outside.
 
     Attributes
     ----------
@@ -429,7 +429,7 @@ def at_obstacle(
 def with_corners(
     found: Meeting, body: Boundary, corners: Array, chords: float, nodes: Array, added: Array
 ) -> Meeting:
-    """How an obstacle is met, whose corners may stand in the body between its nodes.
+    """Return how an obstacle is met, whose corners may stand in the body between its nodes.
 
     Parameters
     ----------

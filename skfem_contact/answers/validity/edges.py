@@ -78,7 +78,7 @@ def crossing(
 
 
 def pressed_aside(found: Crossing, side: ContactSurface, normal: Array, closed: Index) -> bool:
-    """Whether the point that presses where two edges touch does so in another direction.
+    """Return whether the point that presses where two edges touch does so in another direction.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ def crossings(one: Edges, other: Edges, apart: float = 0.0) -> tuple[Array, Arra
 
 
 def _between(normals: Array, way: Array) -> NDArray[np.bool_]:
-    """Whether directions (p, 3) across edges lie between the normals (p, 2, 3) beside them."""
+    """Return whether directions (p, 3) across edges lie between the normals (p, 2, 3) beside them."""
     first, last = normals[:, 0], normals[:, 1]
     axis = np.cross(first, last)
     # normals that are opposite, of two lips of a slit, leave no direction between them

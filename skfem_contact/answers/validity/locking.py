@@ -64,7 +64,7 @@ def lockable(result: Answer) -> list[str]:
 
 
 def may_lock(body: Body) -> bool:
-    """Whether some material of a body hardly changes its volume, as far as that is known."""
+    """Return whether some material of a body hardly changes its volume, as far as that is known."""
     known = body.moduli
     return known is not None and known.quotient > STIFF_BULK
 

@@ -67,7 +67,7 @@ def depth_in_solid(contact: Contact, pairing: Pairing) -> float:
 
 
 def in_solid_words(contact: Contact, depth: float) -> str:
-    """That a surface lies in the solid of its obstacle, and what to do."""
+    """Say that a surface lies in the solid of its obstacle, and what to do."""
     hollow = getattr(_shape(contact), "hollow", None)
     way = "turn the sign of its function" if hollow is None else f"give it hollow={not hollow}"
     return (
@@ -88,7 +88,7 @@ def _shape(contact: Contact) -> Obstacle:
 
 
 def pierced(surface: ContactSurface, bend: Array, gap: Array) -> tuple[float, Array] | None:
-    """Where a round tool stands in a facet none of whose nodes it touches, and how deep.
+    """Return where a round tool stands in a facet none of whose nodes it touches, and how deep.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def _pieces(surface: ContactSurface) -> Index:
 
 
 def pierced_words(surface: ContactSurface, depth: float, place: Array, label: str) -> str:
-    """That a tool stands between nodes and presses on nothing, and what to do."""
+    """Say that a tool stands between nodes and presses on nothing, and what to do."""
     return (
         f"{label!r} stands in {surface.label!r} by {depth:.3g} at {written(place)}, between nodes that "
         "it does not touch, and presses on nothing: facets are too long for so light a contact. Refine "
@@ -151,14 +151,14 @@ def pierced_words(surface: ContactSurface, depth: float, place: Array, label: st
 
 
 def of_triangles(contact: Contact) -> bool:
-    """Whether it is a solid on an obstacle of triangles, whose normals may lean."""
+    """Return whether it is a solid on an obstacle of triangles, whose normals may lean."""
     outline = contact.primary.outline if isinstance(contact.primary, Obstacle) else None
     rigid = outline is not None and outline.dim == 3
     return rigid and not contact.bilateral and contact.gap is None
 
 
 def _motion(geometry: Geometry, i: int, case: LoadCase, u: Array) -> MotionLike:
-    """Where the obstacle of a contact is, as obstacles take it."""
+    """Return where the obstacle of a contact is, as obstacles take it."""
     body = geometry.contacts[i].rigid_body
     return case.motion[i].as_argument() if body is None else as_motion(geometry.system, body, u)
 
@@ -177,7 +177,7 @@ def leaning_faces(secondary: ContactSurface, outline: ContactSurface) -> Mask:
 
 
 def leaning_words(geometry: Geometry, i: int, state: State, case: LoadCase, u: Array) -> str:
-    """What to say of forces that lean on flats of triangles; empty if they do not, or hardly.
+    """Say what to say of forces that lean on flats of triangles; empty if they do not, or hardly.
 
     Parameters
     ----------

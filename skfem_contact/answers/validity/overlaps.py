@@ -1,4 +1,4 @@
-"""Where steps look for overlaps of two bodies that slide far, and what these come from.
+"""Overlaps of two bodies that slide far: where steps look for them, and what these come from.
 
 Anything may come to overlap in any step. The points of both surfaces, and those between them, are
 looked for in the whole body on the other side after every step, by what a step knows of displacements:
@@ -37,7 +37,7 @@ Mask = NDArray[np.bool_]
 
 
 class Overlaps:
-    """What is known beforehand of all contacts between two bodies that slide far."""
+    """The facts that are known beforehand of all contacts between two bodies that slide far."""
 
     def __init__(self, geometry: Geometry) -> None:
         self.geometry, self.system, self.contacts = geometry, geometry.system, geometry.contacts
@@ -164,7 +164,7 @@ def unselected_words(geometry: Geometry, i: int, state: State) -> str:
 
 
 def of_two_bodies(contact: Contact) -> bool:
-    """Whether two bodies press each other where the meshes say.
+    """Return whether two bodies press each other where the meshes say.
 
     In one and the same body inside and outside are not told apart. Where the user gives the gap, the
     meshes are not the shapes that touch, and their overlaps are what the user knows of.

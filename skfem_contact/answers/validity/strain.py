@@ -1,4 +1,4 @@
-r"""How far bodies are strained and turn: the limits of linear bodies.
+r"""Strains and rotations of bodies: the limits of linear bodies.
 
 With finite sliding the frames of the contact points turn with the surfaces; the linear bodies do
 not. Their stiffness and loads keep their directions, and a rotation by :math:`\theta` is a strain
@@ -150,7 +150,7 @@ def leaning(shares: dict[str, float]) -> dict[tuple[str, str], str]:
 
 
 def leaning_words(far: dict[str, float]) -> str:
-    """That the loads of rigid bodies go along with them further than small sliding has it."""
+    """Say that the loads of rigid bodies go along with them further than small sliding has it."""
     listed = " and ".join(f"{name!r} by {100 * share:.3g} %" for name, share in far.items())
     return (
         "Rigid bodies carry their loads along, and contact forces act where the points have moved to: "

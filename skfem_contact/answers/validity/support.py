@@ -1,4 +1,4 @@
-"""How bodies move by what is known of them, and how far they give under the forces of a contact."""
+"""Rigid motions of bodies, by what is known of them, and how far they give under contact."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Support:
         return np.asarray(np.einsum("md,mdk->mk", direction, motions))
 
     def holds(self, points: Array, direction: Array) -> bool:
-        """Whether no open motion moves points along their directions, both (m, d)."""
+        """Return whether no open motion moves points along their directions, both (m, d)."""
         moved = self.along(points, direction) @ self.free
         return bool(np.max(np.abs(moved), initial=0.0) < SUPPORTED)
 

@@ -38,7 +38,7 @@ NONE_PAST = {"beyond": 0, "overhang": 0.0, "beyond_share": 0.0}
 
 
 class Track:
-    """Where the points of one contact with small sliding may be led by their slip.
+    """The places to which the points of one contact with small sliding may be led by their slip.
 
     Slips are vectors in global axes, in the tangent plane of each point, (m, d).
 
@@ -244,7 +244,7 @@ class Track:
         return found | self._past_end(closed, far, slip, np.abs(force))
 
     def _past_end(self, closed: Mask, far: Mask, slip: Array, force: Array) -> dict[str, Any]:
-        """What of `far` points has slid past the end of the primary."""
+        """Return what of `far` points has slid past the end of the primary."""
         share = self.width[far]
         before = self.rim.beyond(self.feet[far])
         past = self.rim.beyond(self.feet[far] + slip[far])
@@ -386,7 +386,7 @@ def slid(motion: Motion, points: Array) -> Array:
 
 
 class Rim:
-    """Where a surface ends: the end points of a curve, or the edges of faces.
+    """The rim of a surface: the end points of a curve, or the edges of faces.
 
     Attributes
     ----------
@@ -405,7 +405,7 @@ class Rim:
 
     @classmethod
     def of(cls, surface: ContactSurface) -> Rim:
-        """That of a surface."""
+        """Say that of a surface."""
         x, c = surface.points, surface.kind.corners
         facet, edge = np.nonzero(surface.twins < 0)
         ends = x[surface.facets[facet[:, None], np.column_stack([edge, (edge + 1) % c])]]
@@ -440,7 +440,7 @@ class Rim:
 
 
 def curvatures(surface: ContactSurface) -> Array:
-    """How normals change along each facet, by those at its corners, (nf, d, d) [1/length].
+    """Return how normals change along each facet, by those at its corners, (nf, d, d) [1/length].
 
     Normals are averaged with the neighbours', except over corners.
 

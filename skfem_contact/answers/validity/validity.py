@@ -52,7 +52,7 @@ BOUNDS = ("facets", "locking", "overlap", "rotation", "second order", "sliding",
 
 @dataclass(frozen=True)
 class Drift:
-    """How far one contact has drifted at an answer; largest values over its closed points.
+    """The drift of one contact at an answer; largest values over its closed points.
 
     Attributes
     ----------
@@ -137,17 +137,17 @@ class Drift:
 
     @property
     def facets_too_long(self) -> bool:
-        """Whether contact ends within the facets, so that their chords are not the curves."""
+        """Return whether contact ends within the facets, so that their chords are not the curves."""
         return self.sagitta_share > SAGITTA
 
     @property
     def slides_far(self) -> bool:
-        """Whether points have left the facets and the zone that they are held against."""
+        """Return whether points have left the facets and the zone that they are held against."""
         return self.facets > FACETS and self.widths > A_TENTH
 
     @property
     def small_sliding_holds(self) -> bool:
-        """Whether small sliding is a good model at this answer."""
+        """Return whether small sliding is a good model at this answer."""
         off = self.tilt > A_TENTH or self.off_arc > A_TENTH or self.gap_share > A_TENTH
         return not (self.slides_far or self.passes_end or off)
 
@@ -159,7 +159,7 @@ class Drift:
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """What is known of the bounds of the model at an answer: what a step has measured and suspects.
+    """The bounds of the model at an answer, as a step has measured and suspects them.
 
     Attributes
     ----------
@@ -200,13 +200,13 @@ class Diagnostics:
         return sorted(key for key in self.issued if key[0] in BOUNDS)
 
     def prescribed(self, name: str) -> bool:
-        """Whether it was said that supports push the sides of a contact into each other."""
+        """Return whether it was said that supports push the sides of a contact into each other."""
         return any(kind == "prescribed" and of.startswith(f"{name} ") for kind, of in self.issued)
 
 
 @dataclass(frozen=True)
 class ContactValidity:
-    """Whether the model of one contact holds at an answer.
+    """The validity of the model of one contact at an answer.
 
     Attributes
     ----------
@@ -274,7 +274,7 @@ class ContactValidity:
 
 @dataclass(frozen=True, eq=False)
 class Validity:
-    """Whether the model holds at an answer; `print` shows it, `problems` says what to change.
+    """The validity of the model at an answer; `print` shows it, `problems` says what to change.
 
     Attributes
     ----------
@@ -336,7 +336,7 @@ class Validity:
 
     @property
     def holds(self) -> bool:
-        """Whether everything is within its bound."""
+        """Return whether everything is within its bound."""
         return not self.problems
 
     @property

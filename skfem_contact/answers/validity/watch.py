@@ -33,7 +33,7 @@ ONCE = " (Said once in a history, at the first step beyond the bound; result.val
 
 
 class Watch:
-    """What is looked at after every load step; made once for a solver.
+    """The look at the bounds of the model after every load step; made once for a solver.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ class Watch:
         return np.unique(np.concatenate([body.D, *own])).astype(np.intp)
 
     def _stretch(self, known: Support, u: Array) -> float:
-        """How far known displacements are off a rigid motion, over the extent of their body."""
+        """Return how far known displacements are off a rigid motion, over the extent of their body."""
         if not len(known.dofs):
             return 0.0
         rigid = known.unit @ known.motion(u)
@@ -261,6 +261,6 @@ class Watch:
 
 
 def _seen(what: str, name: str, approach: float) -> Issued:
-    """What is kept of a look that is taken once each doubling of an approach."""
+    """Return what is kept of a look that is taken once each doubling of an approach."""
     doublings = np.floor(np.log2(approach)) if approach > 0 else None
     return Issued({(f"seen {what}", f"{name} {doublings}")})

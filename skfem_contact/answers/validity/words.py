@@ -1,4 +1,4 @@
-"""What is wrong where the model does not hold, and what to do: sentences of warnings and reports."""
+"""Sentences of warnings and reports: what is wrong where the model does not hold, what to do."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from skfem_contact.obstacles.obstacle import Obstacle
 
 
 def sliding_words(drift: Drift) -> str:
-    """What small sliding does wrong, and what to do."""
+    """Say what small sliding does wrong, and what to do."""
     found = []
     if drift.slides_far:
         found.append(
@@ -54,7 +54,7 @@ def sliding_words(drift: Drift) -> str:
 
 
 def facet_words(drift: Drift, rigid: bool = False) -> str:
-    """What long facets on curves do to a light contact, and what to do."""
+    """Say what long facets on curves do to a light contact, and what to do."""
     if rigid:
         return (
             f"over the length of one facet the two sides stand {drift.sagitta:.3g} off each other, "
@@ -76,7 +76,7 @@ def facet_words(drift: Drift, rigid: bool = False) -> str:
 
 
 def strain_words(name: str, strain: float) -> str:
-    """What linear elasticity does wrong, and what to do."""
+    """Say what linear elasticity does wrong, and what to do."""
     return (
         f"Body {name!r} is strained by about {strain:.2g} where most of its energy is. Its equations "
         f"are those of small strains: errors are of that order, {100 * strain:.0f} %. Check units, "
@@ -85,7 +85,7 @@ def strain_words(name: str, strain: float) -> str:
 
 
 def overlap_words(part: ContactValidity, contact: Contact, meeting: Meeting, way: str = "") -> str:
-    """That bodies overlap where contact conditions do not see it, where, and what to do."""
+    """Say that bodies overlap where contact conditions do not see it, where, and what to do."""
     place = ""
     if meeting.place is not None:
         own, other = contact.secondary.label, contact.primary.label
@@ -100,7 +100,7 @@ def overlap_words(part: ContactValidity, contact: Contact, meeting: Meeting, way
 
 
 def prescribed_words(part: ContactValidity) -> str:
-    """That supports push bodies into each other."""
+    """Say that supports push bodies into each other."""
     return (
         f"the deformed bodies overlap by up to {part.overlap:.3g}: prescribed displacements push them "
         "into each other, where contact can do nothing. Change the supports, or take their points out "
@@ -109,7 +109,7 @@ def prescribed_words(part: ContactValidity) -> str:
 
 
 def _way_out(part: ContactValidity, contact: Contact, meeting: Meeting) -> str:
-    """What to do about an overlap."""
+    """Return what to do about an overlap."""
     if contact.sliding == "finite":
         mortar = ", method='mortar'" if contact.method == "node" and not contact.rigid else ""
         return (
@@ -139,7 +139,7 @@ def _way_out(part: ContactValidity, contact: Contact, meeting: Meeting) -> str:
 
 
 def rotation_words(far: dict[str, float]) -> str:
-    """That bodies have turned further than linear elasticity follows, and what to do.
+    """Say that bodies have turned further than linear elasticity follows, and what to do.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def rotation_words(far: dict[str, float]) -> str:
 
 
 def locking_words(name: str, body: Body, share: float) -> str:
-    """That a body locks, why, and what to do; empty where it does not."""
+    """Say that a body locks, why, and what to do; empty where it does not."""
     if share <= LOCKED:
         return ""
     assert body.moduli is not None
@@ -184,7 +184,7 @@ def locking_words(name: str, body: Body, share: float) -> str:
 
 
 def crossing_words(found: Crossing, secondary: str, primary: str) -> str:
-    """Which edges of solids cross where no row sees it, and what to change."""
+    """Say which edges of solids cross where no row sees it, and what to change."""
     at = written(found.place)
     if found.count:
         return (

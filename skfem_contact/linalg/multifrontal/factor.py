@@ -156,7 +156,7 @@ class MultifrontalCholesky:
         return self.fronts.order
 
     def response(self, dofs: np.ndarray) -> SurfaceResponse:
-        """What forces on some DOFs (m,) move there."""
+        """Return what forces on some DOFs (m,) move there."""
         return SurfaceResponse(self, dofs)
 
     def take_S(self) -> np.ndarray:

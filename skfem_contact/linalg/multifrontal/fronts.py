@@ -1,4 +1,4 @@
-"""What every front of a multifrontal factorisation holds, found before any number is computed.
+"""The contents of every front of a multifrontal factorisation, found before any number.
 
 Front f eliminates the DOFs of one box of a nested dissection, its pivots. Its border is what
 these are coupled with further up the tree: by entries of the matrix, or through what the children
@@ -110,7 +110,7 @@ class Fronts:
 
     @property
     def odd(self) -> list[bool]:
-        """Whether the way from each front to the last one has an odd number of steps."""
+        """Return whether the way from each front to the last one has an odd number of steps."""
         odd = [False] * self.parent.size
         for front in range(self.parent.size - 2, -1, -1):
             odd[front] = not odd[self.parent[front]]
@@ -197,7 +197,7 @@ def analyse_entries(
 
 
 def lower_entries(K: Any, position: np.ndarray, start: np.ndarray) -> Entries:
-    """What is stored on or below the diagonal in the columns of the fronts that are eliminated.
+    """Return what is stored on or below the diagonal in the columns of the fronts that are eliminated.
 
     Rows and columns without position, -1, are left out.
     """
@@ -293,7 +293,7 @@ def checked_matrix(
 
 
 class Pattern(NamedTuple):
-    """What a factorisation takes of where the entries of a matrix are, whatever they are.
+    """The places of the entries of a matrix, whatever they are, as a factorisation needs them.
 
     Attributes
     ----------
@@ -310,7 +310,7 @@ class Pattern(NamedTuple):
     def of(
         cls, K: Any, points: np.ndarray, keep: np.ndarray, leaf: int, free: np.ndarray | None
     ) -> Pattern:
-        """That of a matrix; parameters are those of `MultifrontalCholesky`."""
+        """Say that of a matrix; parameters are those of `MultifrontalCholesky`."""
         fronts, entries = analyse_entries(K, points, keep, leaf, free)
         return cls(fronts, entries.which, _places(fronts, entries))
 
@@ -322,7 +322,7 @@ class Pattern(NamedTuple):
 
 
 def _places(fronts: Fronts, entries: Entries) -> np.ndarray:
-    """Where entries of the matrix are in the storage of all factors."""
+    """Return where entries of the matrix are in the storage of all factors."""
     _, i, j, far = entries
     front, pivots, size = fronts.owner, np.diff(fronts.start), np.diff(fronts.first)
     start, panel, p = fronts.start[front], fronts.panel[front], pivots[front]
@@ -383,7 +383,7 @@ class Leftovers:
         return self._memory[begin : begin + b * b].reshape(b, b)
 
     def give_back(self, children: list[int]) -> None:
-        """What the children of one front took is free again."""
+        """Return what the children of one front took is free again."""
         for child in children:
             self._used[self._odd[child]] -= self._sizes[child] ** 2
 
