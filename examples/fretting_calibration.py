@@ -68,7 +68,7 @@ def loop(results):
 measured = loop(list(solver_of(true).history(steps)))[0]
 
 # %% With derivatives: one history gives the forces and how they change
-known = {}
+known: dict[bytes, sc.Jacobian] = {}
 
 
 def at(parameters):
