@@ -101,6 +101,7 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
             and (residual <= tolerance or search.settled),
             note=search.note(),
             held=held.motion if held is not None and kept else None,
+            nearer=search.nearer,
         )
         current = search.advance(current, at, changing)
         settled = not np.count_nonzero(changing)
@@ -118,6 +119,7 @@ class LineSearch:
 
     whole: bool
     settled: bool = False
+    nearer: bool = False
     at: Response | None = None
     left: float = np.inf
     share: float = 1.0
@@ -129,13 +131,13 @@ class LineSearch:
         """The set for the next iterate, by the state at the best share of the way to the new one."""
         # one more iteration tells round-off from what is left of a step
         self.settled = not wrong.any() and (new.left >= self.left or not self.whole)
-        there, self.share = new, 1.0
-        if self.at is not None and not self.whole:
-            for _ in range(HALVINGS):
-                if there.left <= (1.0 - DECREASE * self.share) * self.left:
-                    break
-                self.share *= 0.5
-                there = Projection(new.step, state_between(self.at, new.response, self.share))
+        there, self.share, tries = new, 1.0, 0
+        while not (falls := there.left <= (1.0 - DECREASE * self.share) * self.left):
+            if self.at is None or self.whole or tries == HALVINGS:
+                break
+            self.share, tries = 0.5 * self.share, tries + 1
+            there = Projection(new.step, state_between(self.at, new.response, self.share))
+        self.nearer = falls and there.left > 0.0
         self.at, self.left = there.response, there.left
         return there.proposal(current)
 

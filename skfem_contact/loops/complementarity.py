@@ -155,7 +155,7 @@ class Projection:
         size = lengths(trial)
         # what is open has no status to keep; what slips back by more than the round-off of slips sticks
         back = ROUND_OFF * largest_length(self.moved) * self.rho.tangential + 4 * EPS * bound
-        back = np.minimum(self.nothing, back)
+        back = np.where(step.exact, np.minimum(self.nothing, back), self.nothing)
         slack = self.nothing * was_stick - back * was_slip
         if not step.all_exact:
             slack -= np.where(was_slip, trial_round_off(step, response), 0.0)
@@ -212,7 +212,9 @@ class Projection:
         normal, tangential = (np.abs(self.left_over[0]), lengths(self.left_over[1]))
         slip_scale = largest_length(self.moved)
         allowed = max(step.noise, tolerance * scale)
-        wrong = normal > np.maximum(ROUND_OFF * self.gap_scale * rho.normal, allowed)
+        # gaps are known as well as the displacements that they follow from, along the surface too
+        moved = max(self.gap_scale, slip_scale)
+        wrong = normal > np.maximum(ROUND_OFF * moved * rho.normal, allowed)
         known = ROUND_OFF * slip_scale * rho.tangential
         if not step.all_exact:
             known = np.maximum(known, trial_round_off(step, response))

@@ -23,6 +23,7 @@ from skfem_contact.errors import InputError
 from skfem_contact.linalg.direct import Direct, as_linear_solver
 from skfem_contact.linalg.multifrontal.fronts import FactorSize
 from skfem_contact.linalg.resources import Limits, factor_bound, written_bytes
+from skfem_contact.problem import thresholds
 from skfem_contact.problem.condensed import dense_bytes
 from skfem_contact.problem.substructure import Substructure, wanted_of
 from skfem_contact.problem.thresholds import PER_BYTE
@@ -112,9 +113,10 @@ class Choice:
     def pays_from(self) -> float:
         """Number of load steps from which on dense matrices take less time than iterated forces.
 
-        Both backends of the bodies are the multifrontal method; of others nothing is known.
+        Both backends of the bodies are the multifrontal method; of others nothing is known. Small
+        matrices are there in half a second, whatever the bodies are.
         """
-        if not isinstance(self.linear, str):
+        if not isinstance(self.linear, str) or self.dense_bytes <= thresholds.KEPT_BESIDE:
             return 0.0
         return float(np.sum(self._kept.astype(float) ** 3)) / (PER_BYTE * max(self._factor_bound, 1.0))
 

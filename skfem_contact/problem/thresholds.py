@@ -67,7 +67,8 @@ SPARE, FEWEST = 0.1, 8
 LOOSE = 1e-5
 
 # Size of the compliance of all points up to which its inverse stays beside it [bytes]. Of a larger one,
-# of 2 800 rows, it takes half a second and more, and is formed where somebody asks.
+# of 2 800 rows, it takes half a second and more, and is formed where somebody asks. Dense matrices of
+# this size altogether are made however few load steps there are.
 KEPT_BESIDE = 64_000_000
 
 # -- response ----------------------------------------------------
