@@ -106,7 +106,7 @@ class Net:
         if self.amid.all():
             return self._neighbours
         further = csr_matrix(diags_array(np.where(self.amid, 0.0, 1.0)) @ self.joined @ self.joined)
-        further.setdiag(0.0)
+        further = csr_matrix(further - diags_array(further.diagonal()))
         further.eliminate_zeros()
         return self._fits(csr_matrix(self.joined + further), quadratic=False)
 
