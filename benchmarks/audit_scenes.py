@@ -415,7 +415,7 @@ ROWS = (
             "conditions/geometry:at",
             "conditions/geometry:mismatch",
             "conditions/geometry:_offset",
-            "history/stepping:_travelled",
+            "history/stepping:travelled",
         ),
         moving,
     ),

@@ -101,10 +101,23 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
             and (residual <= tolerance or search.settled),
             note=search.note(),
             held=held.motion if held is not None and kept else None,
-            nearer=search.nearer,
+            # a zone that travels is as far from its end with one tangent as it has points to go
+            nearer=search.nearer and not step.turns,
         )
+        search.whole = not coupled or _falls(step, current)
         current = search.advance(current, at, changing)
         settled = not np.count_nonzero(changing)
+
+
+def _falls(step: Step, current: Guess) -> bool:
+    """Return whether some bound falls with the slip in the plane: it lags behind, see `_slipping`."""
+    if step.turns or step.friction.steady:
+        return False
+    slips = (current.status == SLIP) & step.frictional
+    if not np.count_nonzero(slips):
+        return False
+    by = step.friction.slipping(current.direction, BEYOND, current.normal_force, current.slip)[2]
+    return bool(np.any(slips & np.any(by.slip != 0, axis=(1, 2)) & ~grows(by)))
 
 
 @dataclass

@@ -212,10 +212,8 @@ class Projection:
         normal, tangential = (np.abs(self.left_over[0]), lengths(self.left_over[1]))
         slip_scale = largest_length(self.moved)
         allowed = max(step.noise, tolerance * scale)
-        # gaps are known as well as the displacements that they follow from, along the surface too
-        moved = max(self.gap_scale, slip_scale)
-        wrong = normal > np.maximum(ROUND_OFF * moved * rho.normal, allowed)
-        known = ROUND_OFF * slip_scale * rho.tangential
+        known = ROUND_OFF * np.maximum(rho.normal * self.gap_scale, rho.tangential * slip_scale)
+        wrong = normal > np.maximum(known, allowed)
         if not step.all_exact:
             known = np.maximum(known, trial_round_off(step, response))
             sticks = (current.status == STICK) & step.frictional & ~step.exact

@@ -269,7 +269,7 @@ class Loop:
 
 
 LOOPS = {
-    "newton": Loop(newton, NEWTON_ITERATIONS, 12),
+    "newton": Loop(newton, NEWTON_ITERATIONS, 30),
     "direct": Loop(direct, 150, 30),
     # its convergence is linear: it creeps, but to halve the violation so rarely leads nowhere
     "fictitious": Loop(fictitious, 2000, 300),

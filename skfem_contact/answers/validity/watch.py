@@ -18,7 +18,6 @@ from skfem_contact.answers.validity.overlaps import Overlaps, of_two_bodies
 from skfem_contact.answers.validity.strain import leaning, rigid_rotations
 from skfem_contact.answers.validity.support import Support
 from skfem_contact.answers.validity.validity import Diagnostics, Issued
-from skfem_contact.arrays import largest
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface
@@ -216,7 +215,8 @@ class Watch:
             name, seen, measured = self.interface.names[i], Issued(), False
             small = contact.sliding == "small"
             if self.watches[i].of_triangles or (self.dim == 3 and small and of_two_bodies(contact)):
-                moved = max(largest(np.abs(case.x)), largest(np.abs(case.motion[i].translation)))
+                # sizes of vectors: the same in whatever axes
+                moved = max(float(np.linalg.norm(v)) for v in (case.x, case.motion[i].translation))
                 seen = _seen("overlap", name, drift.approach or moved)
                 measured = not seen & known.issued
             beyond = {
