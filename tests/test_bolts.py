@@ -470,3 +470,13 @@ def test_a_bolt_in_a_body_that_yields_is_refused():
     yielding = sc.NonlinearBody(basis, sc.J2(210e3, 0.3, 200.0), name="shank")
     with pytest.raises(sc.InputError, match="a body that is not linear"):
         sc.Bolt(yielding, point=(0.5, 0.5), axis=(0, 1), name="M")
+
+
+def test_a_point_beside_the_shank_is_refused():
+    """In the plane of the section, but not within it; on its rim is well."""
+    bolt = stack().system.solids["bolt"]
+    for x in (0.0, 1.0):
+        assert sc.Bolt(bolt, point=(x, 4), axis=(0, 1)).point[0] == x
+    for x in (-0.1, 1.1):
+        with pytest.raises(sc.InputError, match=r"lies beside <Body bolt"):
+            sc.Bolt(bolt, point=(x, 4), axis=(0, 1))

@@ -44,7 +44,7 @@ from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.system import System
 from skfem_contact.carried import copied
 from skfem_contact.conditions.loads import BoltLoads, LoadCase
-from skfem_contact.digits import COMPUTED, SOLVED
+from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
@@ -192,6 +192,14 @@ def _beyond(body: Body, point: Array, axis: Array, whose: str) -> Mask:
     part = pieces(corners, mesh.p.shape[1])
     away = np.linalg.norm(mesh.p[:, corners].mean(axis=1) - point[:, None], axis=0)
     cut = cut[part[corners[0]] == part[corners[0, np.argmin(away)]]]
+    nodes = mesh.p[:, np.unique(mesh.facets[:, cut])] - point[:, None]
+    across = nodes - np.outer(axis, axis @ nodes)
+    given = GIVEN * np.ptp(nodes)
+    if (across.min(axis=1) > given).any() or (across.max(axis=1) < -given).any():
+        raise InputError(
+            f"the point {written(point)} of {whose} lies beside {body!r}, where its section passes. "
+            "Usually it is that of another bolt, or of another unit; give one within the shank."
+        )
     # sides of elements join them, but those of the section; DOFs of facets would leave corners out
     joined = np.setdiff1d(inner, cut)
     side = pieces(mesh.f2t[:, joined], mesh.t.shape[1])
