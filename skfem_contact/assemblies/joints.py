@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from html import escape
-from operator import attrgetter
 from typing import Any, TypeVar
 
 import numpy as np
@@ -259,7 +258,8 @@ class LoadCases(Table[Any]):
             for what, pick in (("closed", min), ("slip_margin", min), ("largest_pressure", max)):
                 known = [joint for joint in result.joints() if np.isfinite(getattr(joint, what))]
                 head = what.replace("_", " ")
-                at = pick(known, key=attrgetter(what), default=None)
+                # of joints that print alike the first, whatever their round-off
+                at = pick(known, key=lambda joint: float(_shown(getattr(joint, what))), default=None)
                 found[head] = np.nan if at is None else getattr(at, what)
                 found[f"{head} of"] = "-" if at is None else at.name
             rows.append(found)
