@@ -397,8 +397,8 @@ def compare_methods(court: Court, first: Run) -> list[str]:
     where it is of first order, and by `METHODS` of the force: node by node a resultant between meshes
     that do not match is off by up to 16 % (docs/checks/extremes.md, X10). Never by most of the force. A
     held node that the other body presses on alone is a point: one method stops at it, one has no
-    multiplier there, and both near the truth with the logarithm of the facets only, from either side. That tells
-    nothing about either.
+    multiplier there, and both near the truth with the logarithm of the facets only, from either side.
+    That tells nothing about either.
     """
     s = court.scene
     fine = make(s, 2)
