@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import runpy
 import sys
 from pathlib import Path
@@ -29,3 +30,12 @@ def test_example_keeps_its_promise(path: Path, tmp_path: Path, monkeypatch: pyte
 def test_there_are_examples() -> None:
     """The examples are found, so that the test above can not pass on an empty list."""
     assert any(path.stem == "pin_in_lug" for path in EXAMPLES)
+
+
+def test_the_flange_takes_at_most_fifteen_lines() -> None:
+    """Pairs, bolts, a sequence of tightening, and rising pressure, without what is printed."""
+    text = next(path for path in EXAMPLES if path.stem == "leaking_flange").read_text(encoding="utf-8")
+    part = text.split("# %% Contacts, bolts")[1].split("# %% Tight: ")[0]
+    steps = [one for one in ast.parse(part).body if not isinstance(one, ast.Expr | ast.For)]
+    lines = [one.end_lineno - one.lineno + 1 for one in steps]  # type: ignore[operator]
+    assert "solver.history" in part and sum(lines) <= 15

@@ -116,6 +116,13 @@ def test_far_parts_that_are_coarse_are_seen():
     assert sc.find_contacts([low, high], within=0.01).names == ("low - high",)
 
 
+def test_a_gap_may_be_wider_than_many_facets():
+    """Facets of .06 that look over .9: each sees the one that is opposite."""
+    low, high = box("low", (0, 0), (4, 1), (64, 1)), box("high", (0, 1.9), (4, 3), (63, 1))
+    (pair,) = sc.find_contacts([low, high], within=1.0).found
+    assert pair.gap == pytest.approx((0.9, 0.9, 0.9)) and pair.area == pytest.approx(4.0)
+
+
 def test_edges_beside_each_other_are_no_pair():
     """Plates beside each other on one level touch along a side only; at an edge they do not."""
     one, beside = (

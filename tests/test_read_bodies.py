@@ -104,6 +104,46 @@ def test_sets_of_abaqus(tmp_path):
     assert one.names == ("both",) and len(set(one[0].parts)) == 2
 
 
+def test_families_of_med(tmp_path):
+    """Groups of cells are bodies and boundaries; a cell in two groups is in a family of its own."""
+    pytest.importorskip("h5py", reason="meshio reads .med by h5py, which is not installed")
+    points, cells = two_cubes()
+    blocks = [("hexahedron", cells), ("quad", [cells[0, :4], cells[1, 4:]])]
+    mesh = meshio.Mesh(
+        points, blocks, cell_data={"cell_tags": [np.array([-1, -2]), np.array([-3, -4])]}
+    )
+    mesh.cell_tags = {-1: ["low"], -2: ["high"], -3: ["ground", "ends"], -4: ["ends"]}
+    mesh.write(tmp_path / "two.med")
+    bodies = sc.read_bodies(tmp_path / "two.med", {"low": STEEL, "*": RUBBER})
+    assert bodies.names == ("low", "high")
+    assert [sorted(body.basis.mesh.boundaries) for body in bodies] == [["ends", "ground"], ["ends"]]
+    assert bodies["high"].surface("ends").points[:, 2].min() == 2.0
+
+
+def test_groups_of_unv(tmp_path):
+    """Read by Gmsh, whose names of groups they have; each body with its side."""
+    gmsh = pytest.importorskip("gmsh")
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("Mesh.SaveGroupsOfElements", 1)
+        for i, name in enumerate(("low", "high")):
+            box = gmsh.model.occ.addBox(0, 0, i, 1, 1, 1)
+            gmsh.model.occ.synchronize()
+            gmsh.model.addPhysicalGroup(3, [box], name=name)
+            bottom = gmsh.model.getEntitiesInBoundingBox(-1, -1, i - 0.1, 2, 2, i + 0.1, 2)
+            gmsh.model.addPhysicalGroup(2, [bottom[-1][1]], name=f"under_{name}")
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 1.0)
+        gmsh.model.mesh.generate(3)
+        gmsh.write(str(tmp_path / "two.unv"))
+    finally:
+        gmsh.finalize()
+    bodies = sc.read_bodies(tmp_path / "two.unv", STEEL)
+    assert bodies.names == ("low", "high")
+    assert [*map(list, (b.basis.mesh.boundaries for b in bodies))] == [["under_low"], ["under_high"]]
+    assert sc.find_contacts(bodies, within=0.01)["low - high"].tied is False
+
+
 def test_cells_without_tags_are_bodies_by_what_hangs_together(tmp_path):
     points, cells = two_cubes()
     meshio.Mesh(points, [("hexahedron", cells)]).write(tmp_path / "two.vtk")

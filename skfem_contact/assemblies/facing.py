@@ -20,12 +20,11 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.assemblies.thresholds import NEARLY, OPPOSITE, TOWARDS_RIM, UNSURE
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.normals import across, sizes, unit
+from skfem_contact.bodies.pieces import pieces as pieces_of
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.search import FacetTree, Nodes
@@ -81,10 +80,10 @@ class Boundaries:
             smooth = (surface.twins >= 0) & ~surface.sharp_edges
             nf = len(surface.facets)
             facet, across_it = np.nonzero(smooth)[0], surface.neighbours[smooth]
-            links = coo_array((np.ones(len(facet)), (facet, across_it)), shape=(nf, nf))
-            patch = connected_components(links, directed=False)[1]
+            patch = pieces_of(np.array([facet, across_it]), nf)
             patches.append(patch + (patches[-1].max() + 1 if patches else 0))
-            piece = body.parts[surface.dofs[surface.facets[:, 0], 0]]
+            mesh = body.basis.mesh
+            piece = pieces_of(mesh.t, mesh.nvertices)[mesh.facets[0, surface.mesh_facets]]
             pieces.append(piece + (pieces[-1].max() + 1 if pieces else 0))
             rims.append(~smooth.all(axis=1))
         return cls(
@@ -280,7 +279,7 @@ def _seen(bounds: Boundaries, sights: Sights, pieces: Pieces, reach: float) -> V
         return np.asarray((np.abs(along) <= reach + limit) & (aside <= limit**2))
 
     found: list[tuple[Any, ...]] = [(np.zeros(0, dtype=np.intp),) * 2 + (np.zeros(0),) * 3]
-    for item, facet in pieces.tree.descend(len(sights.of), met):
+    for item, facet in pieces.tree.descend(len(sights.of), met, _together(sights, pieces, reach)):
         count = pieces.count[facet]
         piece = ragged(pieces.first[facet], count)
         found.append(_crossings(sights, pieces, np.repeat(item, count), piece, reach))
@@ -302,6 +301,28 @@ def _seen(bounds: Boundaries, sights: Sights, pieces: Pieces, reach: float) -> V
     own = sights.bulge[item[best]]
     slack = UNSURE * (np.abs(own) + np.abs(bulge[best])) + scale
     return Views(mine[best], other[best], distance[best] - own - bulge[best], slack)
+
+
+def _together(sights: Sights, pieces: Pieces, reach: float) -> tuple[int, Index, Index]:
+    """Where sights begin to descend: what nodes that hold them, and few others, have near them."""
+    levels, order = pieces.tree.levels, pieces.tree.order
+    level = len(levels) // 4  # of a hundred thousand facets sixteen go together
+    held = levels[level]
+
+    def close(own: Index, nodes: Nodes) -> Mask:
+        away = nodes.centre - held.centre.take(own, axis=0)
+        limit = nodes.radius + held.radius.take(own) + reach
+        return np.asarray(dot(away, away) <= limit**2)
+
+    pairs = FacetTree(levels[level:], None).descend(len(held.radius), close)
+    own, node = (np.concatenate(c) for c in zip(*pairs, strict=True))
+    # sights by the nodes that hold their facets
+    facet = np.searchsorted(pieces.of[pieces.first], sights.of)
+    holder = (facet if order is None else np.argsort(order)[facet]) >> level
+    order = np.argsort(holder, kind="stable")
+    count = np.bincount(holder, minlength=len(held.radius))
+    item = order[ragged((np.cumsum(count) - count)[own], count[own])]
+    return level, item, np.repeat(node, count[own])
 
 
 def _crossings(

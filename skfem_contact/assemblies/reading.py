@@ -233,7 +233,10 @@ class Groups:
         families = getattr(mesh, "cell_tags", {})  # of .med: several names for each number
         both = np.array([self.shapes[:, 0], np.concatenate([*map(np.ravel, mesh.cell_data[key])])]).T
         found: dict[str, Index] = {}
-        for dim, tag in np.unique(both[both.all(axis=1)], axis=0).astype(int):
+        kinds = np.unique(both[both.all(axis=1)], axis=0).astype(int)
+        for dim, tag in sorted(
+            kinds.tolist(), key=lambda kind: (kind[0], abs(kind[1]))
+        ):  # .med: -1, -2
             own = [name for name, field in mesh.field_data.items() if tuple(field[:2]) == (tag, dim)]
             cells = np.flatnonzero((both == (dim, tag)).all(axis=1))
             for name in own or families.get(tag) or [f"tag {tag}"]:

@@ -14,12 +14,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.bodies.areas import facet_sizes, own_normals
 from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.bodies.normals import sizes, unit
+from skfem_contact.bodies.normals import cross, sizes, unit
+from skfem_contact.bodies.pieces import pieces
 from skfem_contact.bodies.thresholds import CORNER, FADES
 from skfem_contact.digits import GIVEN, SOLVED
 
@@ -86,7 +85,7 @@ def _weights(x: Array) -> Array:
     ahead, back = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
     scale = np.sum(ahead**2, axis=2).min()  # powers of lengths stay numbers in all units
     squared = np.sum(ahead**2, axis=2) / scale * np.sum(back**2, axis=2) / scale
-    return np.asarray(np.linalg.norm(np.cross(ahead, back), axis=2) / scale / squared)
+    return np.asarray(sizes(cross(ahead, back)) / scale / squared)
 
 
 def _pieces(own: Array, twins: Index) -> Index:
@@ -105,9 +104,7 @@ def _pieces(own: Array, twins: Index) -> Index:
     twin = twin[edge]
     one, other = np.concatenate([edge, following[edge]]), np.concatenate([following[twin], twin])
     smooth = np.einsum("pd,pd->p", flat[one], flat[other]) >= CORNER
-    graph = coo_matrix((np.ones(smooth.sum()), (one[smooth], other[smooth])), shape=(nf * c,) * 2)
-    _, piece = connected_components(graph, directed=False)
-    return np.asarray(piece.reshape(nf, c), dtype=np.intp)
+    return pieces(np.array([one[smooth], other[smooth]]), nf * c).reshape(nf, c)
 
 
 def _means(weighted: Array, piece: Index, weight: Array, own: Array) -> Array:

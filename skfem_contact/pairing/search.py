@@ -136,7 +136,10 @@ class FacetTree:
         return cls(tuple(levels), order)
 
     def descend(
-        self, count: int, meets: Callable[[Index, Nodes], Mask]
+        self,
+        count: int,
+        meets: Callable[[Index, Nodes], Mask],
+        begin: tuple[int, Index, Index] | None = None,
     ) -> Iterator[tuple[Index, Index]]:
         """Yield pairs (item, facet) whose nodes are all met, from the top down.
 
@@ -146,19 +149,24 @@ class FacetTree:
             Items 0, 1, ... descend together.
         meets : callable
             ``meets(item, nodes)``: whether items may have to do with the facets below nodes, k of each.
+        begin : int, ndarray and ndarray, optional
+            A level, items, and nodes of that level to begin with; all at the top if it is not given.
 
         Yields
         ------
         item, facet : ndarray of int
         """
         levels = self.levels
-        top, widest = len(levels) - 1, len(levels[-1].radius)
-        at_once = max(1, PAIRS_AT_ONCE // widest)
-        stack = []
-        for some in np.split(np.arange(count), range(at_once, count, at_once)):
-            stack.append((top, np.repeat(some, widest), np.tile(np.arange(widest), len(some))))
+        widest = len(levels[-1].radius)
+        top = np.repeat(np.arange(count), widest), np.tile(np.arange(widest), count)
+        stack = [(len(levels) - 1, *top) if begin is None else begin]
         while stack:
             level, item, node = stack.pop()
+            if len(item) > PAIRS_AT_ONCE:
+                blocks = -(-len(item) // PAIRS_AT_ONCE)
+                parts = zip(np.array_split(item, blocks), np.array_split(node, blocks), strict=True)
+                stack.extend((level, *part) for part in parts)
+                continue
             keep = meets(item, levels[level].at(node))
             item, node = item[keep], node[keep]
             if level == 0:
@@ -166,15 +174,7 @@ class FacetTree:
                 continue
             item, node = np.repeat(item, 2), np.stack([2 * node, 2 * node + 1], axis=1).ravel()
             there = node < len(levels[level - 1].radius)
-            item, node = item[there], node[there]
-            if len(item) <= PAIRS_AT_ONCE:
-                stack.append((level - 1, item, node))
-                continue
-            pieces = -(-len(item) // PAIRS_AT_ONCE)
-            stack.extend(
-                (level - 1, i, n)
-                for i, n in zip(np.array_split(item, pieces), np.array_split(node, pieces), strict=True)
-            )
+            stack.append((level - 1, item[there], node[there]))
 
 
 def bisected(points: Array) -> Index:
@@ -192,7 +192,10 @@ def bisected(points: Array) -> Index:
         x = points[order]
         extent = np.maximum.reduceat(x, start) - np.minimum.reduceat(x, start)
         along = x[np.arange(len(x)), np.argmax(extent, axis=1)[group]]
-        order = order[np.lexsort((along, group))]
+        # a row for each group, the last one filled up: sorting them is quicker than sorting all
+        rows = np.pad(along, (0, -len(x) % size), constant_values=np.inf).reshape(-1, size)
+        within = np.argsort(rows, axis=1, kind="stable") + start[:, None]
+        order = order[within.ravel()[: len(x)]]
         size //= 2
     return order
 
