@@ -296,7 +296,8 @@ class LinearModel:
         rows = int(self.kin.paired.sum() + self.kin.tangents * slipping.sum())
         given = self.linear, self.limits, self.system, self.stiffness
         bends = self.geometry.follows or any(body.nonlinear for body in self.system.bodies)
-        return Choice(*given, rows, lambda: self._wanted, self._steps, not bends)
+        plain = not (bends or self.motions.k)
+        return Choice(*given, rows, lambda: self._wanted, self._steps, plain)
 
     @property
     def route(self) -> str:
