@@ -40,12 +40,11 @@ from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import contact_names, interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import rigid_motions
-from skfem_contact.errors import InputError
+from skfem_contact.errors import InputError, LinearSolveError
 from skfem_contact.history.load_step import recover_all
 from skfem_contact.history.read import KEYS, StepReader
 from skfem_contact.history.solve_step import StepSolver
 from skfem_contact.history.stepper import Stepper
-from skfem_contact.linalg.backend import LinearSolveError
 from skfem_contact.linalg.multifrontal.fronts import FactorSize
 from skfem_contact.linalg.resources import Limits
 from skfem_contact.loops.driver import LOOPS, Options
