@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from functools import cache
 from types import SimpleNamespace
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
+from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 from scipy.sparse.linalg import spsolve
+from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
 from skfem_contact.linalg import Limits
@@ -88,3 +92,95 @@ def test_what_is_chosen_for_large_bodies_is_not_condensed_beside_it(linear, cond
     assert model.condenses == condenses
     problem = model.problem_on(None, None)
     assert (model.on_points(problem) is problem) == (linear == "condensed" or not condenses)
+
+
+@cache
+def blocks(nu):
+    """Two blocks of solid elements, the upper one lower by a little."""
+    bodies = []
+    for name, count, low, held in (("block", 8, -0.5, "bottom"), ("punch", 7, 0.0, "top")):
+        across, up = np.linspace(0, 1, count + 1), np.linspace(low, low + 0.5, 5)
+        mesh = fem.MeshHex.init_tensor(across, across, up).with_boundaries(
+            {
+                "bottom": lambda x, z=low: np.isclose(x[2], z),
+                "top": lambda x, z=low + 0.5: np.isclose(x[2], z),
+            }
+        )
+        form = linear_elasticity(*lame_parameters(1.0, nu))
+        x = {"x": {"top": (0.0, 0.0, -5e-3)}} if held == "top" else {}
+        vector = fem.ElementVector(fem.ElementHex1())
+        bodies.append(sc.Body.from_mesh(mesh, vector, form, D=held, name=name, **x))
+    return bodies
+
+
+def pressed(nu=0.3, **given):
+    """A solver of both."""
+    block, punch = blocks(nu)
+    between = punch.surface("bottom"), block.surface("top")
+    gap = {"gap": lambda x: 0.01 * ((x[0] - 0.4) ** 2 + (x[1] - 0.5) ** 2)}
+    return sc.ContactSolver([block, punch], [sc.Contact(*between, **gap)], **given)
+
+
+@pytest.fixture
+def quick_multigrid(monkeypatch):
+    """Multigrid is worth its time for bodies as small as these."""
+    per_entry = internals.original("problem.CUBES_PER_ENTRY")
+    share = pressed().linear_model.choice.factors_pay_from / 2.5
+    internals.replace(monkeypatch, "problem.CUBES_PER_ENTRY", per_entry * share)
+
+
+def test_multigrid_pays_as_measured():
+    """One step of 92 640 DOFs takes multigrid half as long, of 24 420 as long: it is taken for one."""
+    per_entry = internals.original("problem.CUBES_PER_ENTRY")
+    for cubes, entries, steps in ((6.67e9, 6.86e6, 1.62), (5.30e8, 1.72e6, 0.51)):
+        assert_allclose(cubes / (per_entry * entries), steps, rtol=0.2)
+    # of 8 x 8 x 4 and 7 x 7 x 4 elements, cut in the middle of the longer sides
+    choice = pressed().linear_model.choice
+    cubes = (3 * 9 * 5) ** 3 + (3 * 8 * 5) ** 3
+    entries = sum(K.nnz for K in choice.stiffness)
+    assert choice.factors_pay_from == cubes / (per_entry * entries)
+
+
+def test_few_steps_of_solids_are_taken_by_multigrid(quick_multigrid):
+    """It says so; those who go on solving have factors in time, and derivatives have theirs at once."""
+    assert "factors pay from 3 load steps on" in str(pressed())
+    one = pressed()
+    result = one.solve()
+    assert one.linear_model.route == "multigrid"
+    words = "as factors are not worth their time for 1 load step: they pay from 3 load steps on"
+    assert words in str(one) and words in str(result.report())
+    with_factors = pressed(linear="condensed").solve()
+    scale = with_factors.pressure.max()
+    assert_allclose(result.pressure, with_factors.pressure, rtol=0, atol=1e-8 * scale)
+    slopes = [r.sensitivity("displacement").pressure for r in (result, with_factors)]
+    assert_allclose(*slopes, rtol=0, atol=1e-6 * np.abs(slopes[1]).max())
+    for route in ("multigrid", "condensed", "condensed"):
+        result = one.solve(start=result)
+        assert one.linear_model.route == route
+    assert pressed().prepare().linear_model.route == "condensed"
+
+
+def test_steps_that_multigrid_is_not_prepared_for_have_factors(quick_multigrid):
+    """Bodies that supports do not hold, and pairings that are renewed."""
+    one = pressed()
+    bodies, given = one.system.bodies, one.contacts[0]
+    far = sc.Contact(given.secondary, given.primary, sliding="finite")
+    free = sc.Body(bodies[1].basis, bodies[1].form, f={"top": (0.0, 0.0, -1e-3)}, name="punch")
+    loose = sc.Contact(free.surface("bottom"), given.primary, friction=sc.Coulomb(0.3))
+    for solver in (
+        sc.ContactSolver(bodies, [far]),
+        sc.ContactSolver([bodies[0], free], [loose]),
+    ):
+        assert solver.linear_model.choice.factors_pay_from > 2
+        assert solver.linear_model.choice.expecting(1).route == "condensed"
+
+
+@pytest.mark.filterwarnings("ignore:Body '.*' locks")
+@pytest.mark.parametrize(("nu", "route"), [(0.49, "multigrid"), (0.495, "condensed")])
+def test_what_takes_many_cycles_has_factors_after_all(quick_multigrid, nu, route):
+    """Materials that hardly change their volume: 54 cycles are waited for, and 75 are not."""
+    solver = pressed(nu)
+    results = list(solver.history([1.0]))
+    assert solver.linear_model.route == route
+    wanted = pressed(nu, linear="condensed").solve().pressure
+    assert_allclose(results[0].pressure, wanted, rtol=0, atol=1e-8 * wanted.max())

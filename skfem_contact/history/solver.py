@@ -40,7 +40,7 @@ from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import contact_names, interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import rigid_motions
-from skfem_contact.errors import InputError
+from skfem_contact.errors import InputError, LinearSolveError
 from skfem_contact.history.load_step import recover_all
 from skfem_contact.history.read import KEYS, StepReader
 from skfem_contact.history.solve_step import StepSolver
@@ -57,6 +57,7 @@ from skfem_contact.sealed import sealed
 if TYPE_CHECKING:
     from skfem_contact.answers.tangent.modes import Modes
     from skfem_contact.history.checkpoint import SavedState
+    from skfem_contact.history.equilibrium import Known
     from skfem_contact.history.gradients import Gradient, Jacobian
     from skfem_contact.problem.model import AnyBodies
 
@@ -183,6 +184,17 @@ class ProblemSetup:
         if model is not self.linear_model:
             self.linear_model = model
             self._answering = self._new_step_solver()
+
+    def _answered(self, target: LoadCase, before: Known, known: Known, *how: Any) -> Answer:
+        """The answer to the next load step; by factors where multigrid takes too many cycles."""
+        try:
+            return self._answering.solve(target, before, known, *how)
+        except LinearSolveError as error:
+            if not self.linear_model.choice.few_steps:
+                raise
+            logger.info("factors are made after all: %s", error)
+        self._expect(math.inf)
+        return self._answering.solve(target, before, known, *how)
 
 
 V = TypeVar("V", bound="Variants")
@@ -504,7 +516,7 @@ class ContactSolver(Variants):
         if named:
             target = self._reader.read(named, target)
         self._expect(1)
-        return ContactResult(self._answering.solve(target, before, known, callback, throw))
+        return ContactResult(self._answered(target, before, known, callback, throw))
 
     @known_keywords(
         **OF_SOLVER,
@@ -581,7 +593,7 @@ class ContactSolver(Variants):
             for i, step in enumerate(steps, start=1):
                 logger.debug("step %d begins", i)
                 target = self._reader.read(step, target)
-                before = self._answering.solve(target, before, known, None, True)
+                before = self._answered(target, before, known, None, True)
                 known = None
                 if logger.isEnabledFor(logging.INFO):
                     logger.info("%s", line(i, total, before))

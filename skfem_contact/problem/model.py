@@ -205,8 +205,11 @@ class LinearModel:
         """
         with self._lock:
             choice = self.choice.expecting(steps)
-            if self._bodies is not None and choice.route != self.route:
-                return self._anew(self.stiffness, self.motions, (), choice.steps)
+            if self._bodies is not None:
+                same = choice.route == self.route
+                if not same or choice.few_steps != self.choice.few_steps:
+                    reuse = self.substructures if same else ()
+                    return self._anew(self.stiffness, self.motions, reuse, choice.steps)
             self.choice = choice
             return self
 
@@ -292,7 +295,9 @@ class LinearModel:
         slipping = self.kin.paired & self.interface.slipping
         rows = int(self.kin.paired.sum() + self.kin.tangents * slipping.sum())
         given = self.linear, self.limits, self.system, self.stiffness
-        return Choice(*given, rows, lambda: self._wanted, self._steps)
+        bends = self.geometry.follows or any(body.nonlinear for body in self.system.bodies)
+        plain = not (bends or self.motions.k)
+        return Choice(*given, rows, lambda: self._wanted, self._steps, plain)
 
     @property
     def route(self) -> str:
@@ -335,7 +340,7 @@ class LinearModel:
     def condenses(self) -> bool:
         """Return whether there is a problem on gaps and slips: see `on_points`."""
         sparse = self.route == "full" and isinstance(self.choice.backend, Direct)
-        return self.route == "condensed" or sparse
+        return self.route == "condensed" or sparse or self.choice.condensable
 
     def on_points(self, problem: ContactProblem) -> ContactProblem:
         """The same problem on gaps and slips; on the sparse route condensed for this alone.

@@ -10,6 +10,16 @@ from __future__ import annotations
 # 2 200 points on solids of 100 000 DOFs the two meet at 2.6 load steps, and by this number at 2.7.
 PER_BYTE = 100.0
 
+# Cubes of DOFs between halves of bodies, per entry of K and load step, up to which multigrid takes less
+# time than factors. One step on two blocks takes as long by both at 300 (24 500 DOFs), half as long by
+# multigrid at 970 (92 600), a quarter at 4 000 (362 600): twice what is even, as elements of second
+# order, thin ones and a Poisson's ratio of .49 take twice as many cycles.
+CUBES_PER_ENTRY = 600.0
+
+# Cycles of multigrid in one linear problem after which factors are made, where both are at hand. Well
+# posed problems take 10 to 60.
+CYCLES = 60
+
 # -- condensed ---------------------------------------------------
 
 # Results whose interior is recovered at a time: enough for matrix products, few enough for memory.
