@@ -104,6 +104,7 @@ if TYPE_CHECKING:
     from skfem_contact.elimination.constraint import AffineConstraint
     from skfem_contact.elimination.eliminate import eliminate
     from skfem_contact.history.checkpoint import SavedState
+    from skfem_contact.history.damping import Damping
     from skfem_contact.history.gradients import Gradient, Jacobian
     from skfem_contact.linalg.amg import AMG
     from skfem_contact.materials.elastic import Elastic
@@ -142,6 +143,7 @@ __all__ = [
     "ContactValues",
     "ContactWarning",
     "Coulomb",
+    "Damping",
     "Direct",
     "Drift",
     "Elastic",
@@ -213,6 +215,7 @@ _LATER = {
     "AMG": "linalg.amg",
     "AffineConstraint": "elimination.constraint",
     "ConstraintRows": "elimination.condense",
+    "Damping": "history.damping",
     "Elastic": "materials.elastic",
     "ErrorEstimate": "answers.error.sources",
     "ErrorSources": "answers.error.sources",
