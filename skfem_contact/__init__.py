@@ -116,7 +116,7 @@ if TYPE_CHECKING:
     from skfem_contact.obstacles.triangles import RigidSurface
     from skfem_contact.output.plot_bodies import plot_deformed
     from skfem_contact.output.plot_contacts import plot_contact, plot_joints
-    from skfem_contact.output.plot_histories import plot_force, plot_history
+    from skfem_contact.output.plot_histories import plot_damping, plot_force, plot_history
     from skfem_contact.output.plot_pairs import plot_pairs
     from skfem_contact.output.scene import scene
     from skfem_contact.output.stress import nodal_field, nodal_stress, von_mises
@@ -195,6 +195,7 @@ __all__ = [
     "nodal_field",
     "nodal_stress",
     "plot_contact",
+    "plot_damping",
     "plot_deformed",
     "plot_force",
     "plot_history",
@@ -246,6 +247,7 @@ _LATER = {
     "nodal_field": "output.stress",
     "nodal_stress": "output.stress",
     "plot_contact": "output.plot_contacts",
+    "plot_damping": "output.plot_histories",
     "plot_deformed": "output.plot_bodies",
     "plot_force": "output.plot_histories",
     "plot_history": "output.plot_histories",

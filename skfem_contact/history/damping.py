@@ -104,6 +104,12 @@ class Damping:
     first: list[Array]
     bolts: dict[str, Array]
 
+    def masing_loop(self, i: int) -> Array:
+        """The loop that Masing's rule makes of the first loading of one amplitude, (2 n + 1, 2)."""
+        w = self.first[i][:, 0]
+        down = w[-1] - 2 * w
+        return np.column_stack([np.append(down, -down[1:]), self.loops[i][:, 1]])
+
     def __repr__(self) -> str:
         head = ["amplitude", "frequency", "damping", "energy", "by Masing", "friction lost", "cycles"]
         columns = self.amplitude, self.frequency, self.damping, self.energy, self.masing
