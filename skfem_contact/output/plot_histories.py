@@ -235,7 +235,7 @@ def plot_damping(damping: Damping, *, units: Mapping[str, str] | None = None) ->
         (by_damping, damping.damping, "damping, of critical"),
     ):
         ax.semilogx(damping.amplitude[order], y[order], "o-", ms=4, color=PRESSURE)
-        shown_at = damping.amplitude[order][np.linspace(0, len(order) - 1, 5).astype(int)]
+        shown_at = np.unique(damping.amplitude[order][np.linspace(0, len(order) - 1, 5).astype(int)])
         ax.set_xticks(shown_at, [f"{w:.2g}" for w in shown_at])
         ax.minorticks_off()
         ax.set(xlabel=labelled("amplitude", "length", words), ylabel=name)
@@ -253,7 +253,13 @@ def plot_damping(damping: Damping, *, units: Mapping[str, str] | None = None) ->
         drawn(damping.loops[i], "-", shade, f"{damping.amplitude[i]:.3g}")
     drawn(damping.masing_loop(int(order[-1])), "--", 0.8, "by Masing")
     beside.set(xlabel="inertia force / peak", ylabel="displacement beside the secant / peak")
-    beside.legend(frameon=False, fontsize="x-small", title=labelled("amplitude", "length", words))
+    beside.legend(
+        frameon=False,
+        fontsize="small",
+        title=labelled("amplitude", "length", words),
+        loc="upper left",
+        bbox_to_anchor=(1.0, 1.0),
+    )
     for ax in figure.axes:
         ax.spines[["top", "right"]].set_visible(False)
     return figure
