@@ -10,7 +10,7 @@
 * `grip`, `neutral_equilibrium`, `equilibrium`: bodies whose place nothing decides; the answer, or
   why there is none;
 * `solve_step`: from a load case to a result;
-* `gradients`: derivatives of histories;
+* `gradients`: derivatives of histories; `damping`: histories along the inertia forces of a mode;
 * `checkpoint`: states on disk, and results of a history that ended early;
 * `solver`: what a solver is made of, other solvers that are made of it, and load steps: what users
   hold; `dry_run`: what it says before it solves, and while;
