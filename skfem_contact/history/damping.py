@@ -85,10 +85,10 @@ class Damping:
     >>> solver = sc.ContactSolver(block, foot)
     >>> result = solver.solve()
     >>> print(solver.damping(result, solver.modes(result, 2), [1e-3, 2e-3]))
-    damping of a mode of frequency 0.106843
+    damping of a mode of frequency 0.111944
       amplitude  frequency  damping  energy  by Masing  friction lost  cycles
-          0.001   0.106843        0       0          0              0       1
-          0.002   0.106843        0       0          0              0       1
+          0.001   0.111944        0       0          0              0       1
+          0.002   0.111944        0       0          0              0       1
     """
 
     linear: float
@@ -154,6 +154,7 @@ def damping(
     amplitude = np.array([0.5 * (loop[0, 0] - loop[steps, 0]) for loop in loops])
     energy = peak * [loop[:, 0] @ sines for loop in loops]
     masing = 2 * peak * [(w[-1, 0] - 2 * w[:, 0]) @ sines[: steps + 1] for w in first]
+    energy, masing = (np.where(np.abs(e) > SOLVED * peak * amplitude, e, 0.0) for e in (energy, masing))
     frequency = np.sqrt(peak / (m * amplitude)) / (2 * np.pi)
     known = result.bolts
     bolts = {name: np.array([r.bolts[name].force - known[name].force for r in last]) for name in known}
