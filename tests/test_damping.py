@@ -60,6 +60,18 @@ def test_a_rod_on_a_rough_floor(force):
     assert_allclose(found.masing_loop(0)[:, 0], found.loops[0][:, 0], atol=1e-9 * found.amplitude[0])
 
 
+def test_a_rod_that_is_loaded_vibrates_about_where_it_is():
+    """The first peak is on the curve of first loading, and loops are what they are without a load."""
+    solver, _, modes = rod()
+    mean = 20.0
+    load = solver.system.bodies[0].load({"right": (mean / 0.5, 0.0)}, "a pull")
+    found = solver.damping(solver.solve(f={"rod": load}), modes, [pulled(PULL)])
+    peak = ((PULL + mean) ** 2 - mean**2) / (2 * BOUND * STIFFNESS)
+    assert_allclose(found.loops[0][0, 0], peak, rtol=2e-3)
+    assert_allclose(found.energy, 2 * PULL**3 / (3 * BOUND * STIFFNESS), rtol=2e-3)
+    assert_allclose(found.damping, 2 / (3 * np.pi), rtol=2e-3)
+
+
 def test_more_load_steps_change_the_area_by_their_fourth_power():
     """Against many steps, of the same mesh: 4, 8 and 32 of them for half a cycle."""
     solver, result, modes = rod()
@@ -174,6 +186,21 @@ def test_small_amplitudes_are_those_of_the_mode():
         found.append((now.frequency, now.damping[1:], now.energy[1:] / unit, now.bolts["M"]))
     for here, there in zip(*found, strict=True):
         assert_allclose(here, there, rtol=1e-6)
+
+
+def test_what_is_glued_has_no_damping():
+    """Whose loops are lines, and closed in spite of round-off."""
+    basis = rectangle(np.linspace(0, 1, 9), np.linspace(0, 1, 9))
+    block = sc.Body(basis, sc.Elastic(1.0, 0.3, density=1.0), f={"top": 0.01}, name="block")
+    foot = sc.Contact(block.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), tied=True)
+    solver = sc.ContactSolver(block, foot)
+    result = solver.solve()
+    modes = solver.modes(result, 3)
+    for mode in range(3):
+        found = solver.damping(result, modes, [1e-3, 2e-3], mode=mode, steps=3)
+        assert not found.damping.any() and found.cycles.tolist() == [1, 1]
+        assert_allclose(found.frequency, modes.frequency[mode], rtol=1e-9)
+        assert_allclose(found.amplitude, [1e-3, 2e-3], rtol=1e-9)
 
 
 def test_pictures():
