@@ -101,7 +101,7 @@ for name, lines in meshes.items():
 print(f"{state.joints()}\n")
 
 # %% Picture, of the fine mesh
-figure = sc.plot_damping(found["fine"], units={"length": "mm", "time": "s"})
+figure = sc.output.plot_damping(found["fine"], units={"length": "mm", "time": "s"})
 coarse, (of_frequency, of_damping, _) = found["coarse"], figure.axes
 of_frequency.plot(coarse.amplitude, coarse.frequency, "s--", ms=4, color="#8a8a8a")
 of_damping.plot(coarse.amplitude, coarse.damping, "s--", ms=4, color="#8a8a8a", label="coarser mesh")

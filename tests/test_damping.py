@@ -208,19 +208,19 @@ def test_pictures():
     pytest.importorskip("matplotlib")
     solver, result, modes = rod()
     found = solver.damping(result, modes, [pulled(PULL), pulled(2 * PULL)], steps=4)
-    figure = sc.plot_damping(found, units={"length": "mm", "time": "s"})
+    figure = sc.output.plot_damping(found, units={"length": "mm", "time": "s"})
     assert [ax.get_ylabel() for ax in figure.axes[:2]] == ["frequency [1/s]", "damping, of critical"]
     assert figure.axes[0].get_xlabel() == "amplitude [mm]"
     assert len(figure.axes[2].lines) == 3
-    with pytest.raises(sc.InputError, match="damping is"):
-        sc.plot_damping(result)
+    with pytest.raises(sc.errors.InputError, match="damping is"):
+        sc.output.plot_damping(result)
 
 
 def test_wrong_questions_are_refused():
     """Modes, amplitudes and numbers that make no sense."""
     solver, result, modes = rod()
-    still = sc.Modes(np.zeros(1), np.zeros(1), modes.shapes, "stuck", modes.system)
-    other = sc.Modes(np.ones(1), np.zeros(1), np.ones((1, 3)), "stuck", modes.system)
+    still = sc.answers.Modes(np.zeros(1), np.zeros(1), modes.shapes, "stuck", modes.system)
+    other = sc.answers.Modes(np.ones(1), np.zeros(1), np.ones((1, 3)), "stuck", modes.system)
     cases = {
         "amplitudes = 0": lambda: solver.damping(result, modes, 0),
         "give a list of lengths above zero": lambda: solver.damping(result, modes, [np.nan]),
@@ -233,5 +233,5 @@ def test_wrong_questions_are_refused():
         "result is": lambda: solver.damping(modes, modes, [1.0]),
     }
     for words, ask in cases.items():
-        with pytest.raises(sc.InputError, match=words):
+        with pytest.raises(sc.errors.InputError, match=words):
             ask()

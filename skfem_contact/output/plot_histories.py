@@ -163,7 +163,7 @@ def plot_force(
     >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
     >>> steps = [{"x": {"block": {"top": (0, -s)}}} for s in (0.005, 0.01)]
     >>> results = list(sc.ContactSolver(block, foot).history(steps))
-    >>> ax = sc.plot_force(results, "block", "top")
+    >>> ax = sc.output.plot_force(results, "block", "top")
     >>> len(ax.get_lines()[0].get_xdata())
     2
     """
@@ -219,7 +219,7 @@ def plot_damping(damping: Damping, *, units: Mapping[str, str] | None = None) ->
     >>> solver = sc.ContactSolver(block, foot)
     >>> result = solver.solve()
     >>> found = solver.damping(result, solver.modes(result, 1), [1e-3, 2e-3])
-    >>> figure = sc.plot_damping(found, units={"length": "m", "time": "s"})
+    >>> figure = sc.output.plot_damping(found, units={"length": "m", "time": "s"})
     """
     check_kind(damping, Damping, "damping", "give what solver.damping(...) returned")
     words = checked_units(units)
