@@ -13,13 +13,20 @@ two grows and the other fades. The coefficient at which they meet is found twice
 first at which a mode grows, and from below: the squared difference of the two eigenvalues is a smooth
 function of the coefficient, which is zero there. Both agree to 1e-5.
 
-Run ``python examples/squeal.py``.
+Run ``python examples/squeal.py [folder]``: a table, and a picture of how the two modes lock in.
 """
 
+import sys
+from pathlib import Path
+
+import matplotlib.pyplot as plt
 import numpy as np
 import skfem as fem
 
 import skfem_contact as sc
+
+out = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "out"
+out.mkdir(parents=True, exist_ok=True)
 
 # %% Numbers: N, mm, MPa, tonnes, so that frequencies are in Hz
 steel = sc.Elastic(210e3, 0.3, density=7.85e-9)
@@ -49,6 +56,19 @@ for mu in (0.05, 0.15, 0.2, 0.25, 0.3):
     found = modes(mu)
     print(f"{mu:5.2f}  " + " ".join(f"{f / 1e3:7.2f}" for f in found.frequency[:5]), end="")
     print(f"  {found.growth.max():9.0f}")
+
+# %% Lock-in over friction
+mus = np.linspace(0.02, 0.3, 29)
+swept = [modes(mu) for mu in mus]
+figure, (above, below_it) = plt.subplots(2, 1, figsize=(6.5, 5.5), sharex=True, layout="constrained")
+above.plot(mus, np.array([m.frequency[pair] for m in swept]) / 1e3, "o-", ms=3, color="#20618d")
+above.set(ylabel="frequency [kHz]", title="two modes of a pad that slides on")
+below_it.plot(mus, np.array([m.growth[pair] for m in swept]) / 1e3, "o-", ms=3, color="#b5441c")
+below_it.set(xlabel="coefficient of friction", ylabel="growth [1/ms]")
+for ax in (above, below_it):
+    ax.spines[["top", "right"]].set_visible(False)
+figure.savefig(out / "squeal.png", dpi=80)
+plt.close(figure)
 
 # %% Where they meet: the first coefficient at which a mode grows
 low, high = 0.2, 0.3

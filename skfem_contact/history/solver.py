@@ -57,6 +57,7 @@ from skfem_contact.sealed import sealed
 if TYPE_CHECKING:
     from skfem_contact.answers.tangent.modes import Modes
     from skfem_contact.history.checkpoint import SavedState
+    from skfem_contact.history.damping import Damping
     from skfem_contact.history.equilibrium import Known
     from skfem_contact.history.gradients import Gradient, Jacobian
     from skfem_contact.problem.model import AnyBodies
@@ -690,6 +691,58 @@ class ContactSolver(Variants):
         # with bolts locked; of bodies that are not linear the tangent at the answer
         pairs = zip(self.system.bodies, self._stiffness, answer.stiffness, strict=True)
         return modes(answer, [K if body.nonlinear else own for body, own, K in pairs], n, slipping)
+
+    @known_keywords(**OF_SOLVER)
+    def damping(
+        self,
+        result: ContactResult,
+        modes: Modes,
+        amplitudes: ArrayLike,
+        *,
+        mode: int = 0,
+        steps: int = 8,
+        cycles: int = 20,
+    ) -> Damping:
+        """Frequency and damping of a mode against its amplitude, by friction in the joints.
+
+        Load steps put on the inertia forces of the mode, up and down until the loop closes
+        (quasi-static modal analysis). It holds while the mode keeps its shape and others do not answer.
+
+        Parameters
+        ----------
+        result : ContactResult
+            Of this solver, such as that of an assembly tightened; each amplitude begins from it.
+        modes : Modes
+            About this result.
+        amplitudes : sequence of float
+            Of the component that moves most, as it would be without slip; with slip it is larger
+            [length].
+        mode : int
+            Which one, counted from zero.
+        steps : int
+            Load steps from peak to peak.
+        cycles : int
+            After so many that do not close a loop is given up, with a warning.
+
+        Returns
+        -------
+        Damping
+
+        Raises
+        ------
+        InputError
+            A mode that is complex or has no frequency, an amplitude that is not positive.
+        NotConverged, NoEquilibrium
+            A joint can not carry the inertia forces: it slips as a whole, or opens.
+
+        Warns
+        -----
+        ContactWarning
+            A loop did not close.
+        """
+        from skfem_contact.history.damping import damping
+
+        return damping(self, result, modes, amplitudes, mode, steps, cycles)
 
     @known_keywords(**OF_SOLVER)
     def gradient(

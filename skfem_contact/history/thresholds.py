@@ -101,3 +101,9 @@ ROUNDS = 8
 
 # What is found at rest moves little: no more cuts of the step than one.
 FEW_CUTS = 1
+
+# -- damping -----------------------------------------------------
+
+# A loop is closed if its ends are nearer than this part of its width: so much of its area has no
+# meaning, two digits of a damping that meshes and friction coefficients tell to one.
+CLOSED = 0.01

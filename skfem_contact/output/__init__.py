@@ -16,11 +16,12 @@ from skfem_contact.entrances import entrances
 if TYPE_CHECKING:
     from skfem_contact.output.plot_assemblies import plot_pairs as plot_pairs
     from skfem_contact.output.plot_contacts import plot_joints as plot_joints
+    from skfem_contact.output.plot_histories import plot_damping as plot_damping
     from skfem_contact.output.plot_histories import plot_force as plot_force
     from skfem_contact.output.pyvista_scene import scene as scene
     from skfem_contact.output.stress import nodal_field as nodal_field
 
-__all__ = ["nodal_field", "plot_force", "plot_joints", "plot_pairs", "scene"]
+__all__ = ["nodal_field", "plot_damping", "plot_force", "plot_joints", "plot_pairs", "scene"]
 
 __getattr__, __dir__ = entrances(
     __name__,
@@ -29,7 +30,7 @@ __getattr__, __dir__ = entrances(
         "drawing": "arc_length",
         "plot_assemblies": "plot_pairs",
         "plot_contacts": "plot_joints",
-        "plot_histories": "plot_force",
+        "plot_histories": "plot_damping plot_force",
         "pyvista_scene": "scene",
         "solids": "draw_contact",
         "stress": "nodal_field",

@@ -17,8 +17,18 @@ from skfem_contact.bodies.member import Member
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import STATUS
 from skfem_contact.errors import InputError
+from skfem_contact.history.damping import Damping
 from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.output.drawing import ABOVE, FRICTION, PRESSURE, SHADES, new_axes, which
+from skfem_contact.output.drawing import (
+    ABOVE,
+    FRICTION,
+    LINES,
+    PRESSURE,
+    SHADES,
+    new_axes,
+    new_figure,
+    which,
+)
 from skfem_contact.output.fields import checked_units, labelled
 from skfem_contact.output.tools import Tool, tools
 
@@ -178,6 +188,81 @@ def plot_force(
     )
     ax.spines[["top", "right"]].set_visible(False)
     return ax
+
+
+@known_keywords()
+def plot_damping(damping: Damping, *, units: Mapping[str, str] | None = None) -> Any:
+    """Plot frequency and damping of a mode over its amplitude, and what its loops have beside a line.
+
+    Loops of small damping are lines to the eye: of each displacement that of the secant is taken off,
+    and both are relative to their peaks. Dashed is the loop of the largest amplitude by Masing's rule.
+
+    Parameters
+    ----------
+    damping : Damping
+    units : dict, optional
+        Words for labels, ``{"length": "mm", "time": "s"}``.
+
+    Returns
+    -------
+    matplotlib Figure
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    >>> block = sc.Body(basis, sc.Elastic(1.0, 0.3, density=1.0), f={"top": 0.01}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> solver = sc.ContactSolver(block, foot)
+    >>> result = solver.solve()
+    >>> found = solver.damping(result, solver.modes(result, 1), [1e-3, 2e-3])
+    >>> figure = sc.output.plot_damping(found, units={"length": "m", "time": "s"})
+    """
+    check_kind(damping, Damping, "damping", "give what solver.damping(...) returned")
+    words = checked_units(units)
+    figure = new_figure((10.5, 3.4))
+    by_frequency, by_damping, beside = figure.subplots(1, 3)
+    order = np.argsort(damping.amplitude)
+    for ax, y, name in (
+        (
+            by_frequency,
+            damping.frequency,
+            f"frequency [1/{words['time']}]" if "time" in words else "frequency",
+        ),
+        (by_damping, damping.damping, "damping, of critical"),
+    ):
+        ax.semilogx(damping.amplitude[order], y[order], "o-", ms=4, color=PRESSURE)
+        shown_at = np.unique(damping.amplitude[order][np.linspace(0, len(order) - 1, 5).astype(int)])
+        ax.set_xticks(shown_at, [f"{w:.2g}" for w in shown_at])
+        ax.minorticks_off()
+        ax.set(xlabel=labelled("amplitude", "length", words), ylabel=name)
+    by_frequency.axhline(damping.linear, color=LINES, lw=0.8, ls=":", label="the mode itself")
+    by_frequency.ticklabel_format(axis="y", useOffset=False)
+    by_frequency.legend(frameon=False, fontsize="small", **ABOVE)
+
+    def drawn(loop: Array, style: str, shade: float, label: str) -> None:
+        w, force = loop.T
+        middle, peak = 0.5 * (w.max() + w.min()), np.abs(force).max()
+        off = (w - middle) / (0.5 * np.ptp(w)) - force / peak
+        beside.plot(force / peak, off, style, color=FRICTION, alpha=shade, label=label)
+
+    for shade, i in zip(np.linspace(0.3, 1.0, len(order)), order, strict=True):
+        drawn(damping.loops[i], "-", shade, f"{damping.amplitude[i]:.3g}")
+    drawn(damping.masing_loop(int(order[-1])), "--", 0.8, "by Masing")
+    beside.set(xlabel="inertia force / peak", ylabel="displacement beside the secant / peak")
+    beside.legend(
+        frameon=False,
+        fontsize="small",
+        title=labelled("amplitude", "length", words),
+        loc="upper left",
+        bbox_to_anchor=(1.0, 1.0),
+    )
+    for ax in figure.axes:
+        ax.spines[["top", "right"]].set_visible(False)
+    return figure
 
 
 def _several(results: Sequence[ContactResult]) -> list[ContactResult]:

@@ -105,7 +105,7 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
         raise InputError(
             f"this result did not converge ({answer.message}): it is no state to vibrate in"
         )
-    system, M = answer.system, _mass(answer.system)
+    system, M = answer.system, mass(answer.system)
     K = csr_matrix(block_diag(stiffness, format="csr"))
     trial, test = _constraints(answer, slipping)
     count = len(trial.independent)
@@ -131,7 +131,7 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
     return Modes(np.abs(turns.imag) / (2 * np.pi), growth, _sized(whole, M, system), slipping, system)
 
 
-def _mass(system: System) -> csr_matrix:
+def mass(system: System) -> csr_matrix:
     """Of all bodies, (n, n), in the numbering of the system."""
     mass = [getattr(body, "mass", None) for body in system.bodies]
     bare = [name for name, own in zip(system.names, mass, strict=True) if own is None]
