@@ -21,7 +21,7 @@ COARSE = 0.05
 # Open nodes up to so many faces away tell where contact ends: two beyond those next to closed ones.
 REACH = 3
 
-# -- error.body --------------------------------------------------
+# -- error.estimate ----------------------------------------------
 
 # Elements beyond so many half widths of contact count for less than a percent.
 FARTHEST = 10.0

@@ -64,7 +64,7 @@ class Pairing:
         By how much the gap is a distance between smooth boundaries, and not a part of the vector
         between facets: 0 to 1.
     least_gap : ndarray, shape (m,), optional
-        Gaps are no less than this, whatever the weights say (`mortar_rows.least_gaps`) [length].
+        Gaps are no less than this, whatever the weights say (`mortar.least_gaps`) [length].
     corners : frozenset
         Vertices that carry by themselves, see `corners.CornerContacts.names`.
     vertex : ndarray of int, shape (m,), optional

@@ -64,7 +64,7 @@ WEIGHTS_KEPT = float(np.sqrt(7))
 # then is small.
 WORST_CONDITION = 1e8
 
-# -- node, mortar_rows: normals of both sides --------------------
+# -- node, mortar: normals of both sides -------------------------
 
 # A smaller turn beside a straight part, 2 degrees, may be that of a curve which begins there [rad].
 KINK = float(np.radians(2.0))
