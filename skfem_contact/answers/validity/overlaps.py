@@ -94,8 +94,6 @@ class Overlaps:
         tracks, drifts : sequence of Track and Drift
             Of every contact.
         """
-        if not self.looked:
-            return frozenset()
         u = self.geometry.spread(state.surface)
         u[self.held] = case.x[self.held]
         parts = {b: unknown.filled(u) for b, unknown in self.unknown.items()}
