@@ -28,7 +28,7 @@ from skfem_contact.pairing import (
     unselected_sides,
 )
 
-FACING, COINCIDENT = internals.original("pairing.FACING"), internals.original("pairing.COINCIDENT")
+FACING, COINCIDENT = internals.original("pairing.FACING"), internals.original("pairing.GIVEN")
 
 
 def facet_shapes(xi, k):

@@ -66,7 +66,7 @@ __getattr__, __dir__ = entrances(
         "validity.chords": "bends sagittas",
         "validity.deformed_boundaries": "Boundary boundary",
         "validity.edges": "crossings sharp_edges_of",
-        "validity.obstacle_overlaps": "pierced",
+        "validity.overlaps": "pierced",
         "validity.strain": "strains",
         "validity.support": "Support",
         "validity.track": "Rim Track curvatures node_lengths",

@@ -18,7 +18,7 @@ from skfem_contact.answers.answer import Answer, reaction
 from skfem_contact.answers.by_contact import ByContact
 from skfem_contact.answers.certificate import Certificate, certify
 from skfem_contact.answers.newton import Newton
-from skfem_contact.answers.thresholds import FALLING, FURTHER, MOST_ROWS
+from skfem_contact.answers.thresholds import FALLING, MOST_ROWS
 from skfem_contact.answers.uniqueness import Uniqueness, undetermined, uniqueness
 from skfem_contact.answers.validity.assess import assess
 from skfem_contact.answers.validity.strain import rigid_rotations
@@ -32,6 +32,7 @@ from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.state import OPEN, SLIP
+from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
 from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.rigid_body import RigidBody
@@ -562,8 +563,8 @@ def _fall_lines(answer: Answer) -> list[str]:
         law = CheckedLaw(contact.friction, name, contact.secondary.points)
         here = np.maximum(state.normal_force[part], 0.0), answer.kin.area[part]
         now = law.limit(*here, slip[part])
-        ahead = law.limit(*here, (1 + FURTHER) * slip[part])
-        if (ahead < (1 - FURTHER * FALLING) * now)[state.status[part] == SLIP].any():
+        ahead = law.limit(*here, (1 + GIVEN) * slip[part])
+        if (ahead < (1 - GIVEN * FALLING) * now)[state.status[part] == SLIP].any():
             lines += [
                 f"the friction of contact {name!r} falls with the slip: where it does so faster than",
                 "the bodies give way a load has several answers; other steps or loops may find others",

@@ -21,7 +21,7 @@ COARSE = 0.05
 # Open nodes up to so many faces away tell where contact ends: two beyond those next to closed ones.
 REACH = 3
 
-# -- error.body --------------------------------------------------
+# -- error.estimate ----------------------------------------------
 
 # Elements beyond so many half widths of contact count for less than a percent.
 FARTHEST = 10.0
@@ -64,9 +64,9 @@ SHARES = (0.0, 0.5, 2.0, 8.0, 32.0, 1024.0)
 # Printed reports look for other answers up to so many gaps and slips: three seconds at most.
 MOST_ROWS = 2000
 
-# By which share of it slip is lengthened to see whether friction falls, and the fall over that share
-# from which on it does: three digits above the round-off of the bounds.
-FURTHER, FALLING = 1e-6, 1e-3
+# The fall of friction, over the share by which slip is lengthened, from which on friction falls: three
+# digits above the round-off of the bounds.
+FALLING = 1e-3
 
 # -- validity.chords ---------------------------------------------
 

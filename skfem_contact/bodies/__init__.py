@@ -6,7 +6,7 @@
 * `member`, `body`, `system`: one body, and several under one numbering; `linearizable`: what is asked
   of them; `nonlinear`: bodies that yield or stretch, `continuum` (with `gradients`) and `forms`:
   their equations;
-  `stiffness`, `moduli`, `rigid_modes`, `pieces` of a mesh;
+  `moduli`, `rigid_modes`, `pieces` of a mesh;
 * `remote`: a stiffness that is held elsewhere, by a backend over several processes;
 * `surface`: a boundary as contact sees it; `nodes`: its nodes; `bare`: one without a body;
 * `facet_kinds`: the shape functions of facets; `facets`: their corners, and what lies across edges;

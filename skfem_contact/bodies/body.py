@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import field
 from functools import cached_property
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 import skfem
@@ -24,6 +25,7 @@ from skfem_contact.bodies.inputs import (
     Dofs,
     Loads,
     Values,
+    assembled_stiffness,
     check_basis,
     deferred_basis,
     load_of,
@@ -38,7 +40,6 @@ from skfem_contact.bodies.moduli import Moduli, mean_moduli, moduli
 from skfem_contact.bodies.pieces import pieces
 from skfem_contact.bodies.quadrature import volume
 from skfem_contact.bodies.rigid_modes import motion_names, rigid_modes
-from skfem_contact.bodies.stiffness import Stiffness
 from skfem_contact.bodies.surface import ContactSurface, extract_surface
 from skfem_contact.carried import can_be_carried, carried
 from skfem_contact.errors import InputError
@@ -433,3 +434,34 @@ class Body(Meshed):
             Nothing selected, unknown names (the message lists those known), degenerate facets.
         """
         return extract_surface(self, where, nodes=nodes, name=name)
+
+
+@dataclass(frozen=True, eq=False)
+class Stiffness:
+    """A checked stiffness, what it was assembled from, and why by scikit-fem where it was."""
+
+    K: csr_matrix
+    basis: Any
+    form: BilinearForm | None
+    by_skfem: str = ""
+    tensor: NDArray[np.float64] | None = None
+
+    @classmethod
+    def of(cls, K: Any, basis: Any, whose: str) -> Stiffness:
+        """Say that of the body whose `K` this is, as in dataclasses.replace, or a new one."""
+        known = _KNOWN.get(id(K))
+        if known is not None and known.K is K and known.basis is basis:
+            return known
+        form = K if isinstance(K, BilinearForm) else None
+        matrix, made = assembled_stiffness(K, basis, whose)
+        if made is None:
+            return cls(matrix, basis, form).remembered()
+        return cls(matrix, basis, form, made.by_skfem, made.tensor).remembered()
+
+    def remembered(self) -> Stiffness:
+        """Itself, from now on found by its matrix as long as a body has it."""
+        _KNOWN[id(self.K)] = self
+        return self
+
+
+_KNOWN: WeakValueDictionary[int, Stiffness] = WeakValueDictionary()

@@ -72,7 +72,7 @@ class System:
         i = body if isinstance(body, int) else self.index(body)
         return self.bodies[i].rigid_mode_names + (self.slides[i][1] if i in self.slides else ())
 
-    @property
+    @cached_property
     def n(self) -> int:
         """Number of DOFs of all bodies."""
         return int(self.offsets[-1])

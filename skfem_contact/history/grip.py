@@ -15,9 +15,9 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import BARELY, RigidMotions, null_space
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import RESISTS
-from skfem_contact.digits import COMPUTED, SOLVED
+from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.history.load_step import Attempt, resisting_slips
-from skfem_contact.history.thresholds import ACROSS, FAINT, TINY, TURNED
+from skfem_contact.history.thresholds import ACROSS, TINY, TURNED
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.records import dataclass
 
@@ -77,13 +77,13 @@ class Grip:
         share = self.attempt.local.normal_force / self.largest
         share[motions.kin.bilateral] = 1.0
         enough = motions.held(carrying, stick, self.firmly)
-        if enough and motions.held(carrying * share**2, stick, FAINT):
+        if enough and motions.held(carrying * share**2, stick, GIVEN):
             return False
         rows, across = motions.rows(carrying, stick), self._across()
         if null_space(np.concatenate([rows, across]), self.firmly).shape[1]:
             return True
         rows[: np.count_nonzero(carrying)] *= share[carrying, None]
-        return null_space(np.concatenate([rows, across]), FAINT).shape[1] > 0
+        return null_space(np.concatenate([rows, across]), GIVEN).shape[1] > 0
 
     def _across(self, full: Mask | None = None) -> Array:
         """Rows (r, k) by which friction at its bound holds motions across its direction.

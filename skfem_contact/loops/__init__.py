@@ -2,7 +2,7 @@
 
 * `step`: what loops are given and return;
 * `complementarity`: how points change, where supports prescribe slips too, and how far a state is off;
-* `active_set`, `initial_stress`: the loops, how far they go at a time, the linear conditions of an
+* `active_set`: the loops, how far they go at a time, the linear conditions of an
   iteration, and the points that hold a body in it;
 * `multipliers`: springs that lose their strain, where forces are not unique;
 * `driver`: the loops by name and limits, and what counts, logs and stops them;
@@ -23,10 +23,9 @@ __getattr__, __dir__ = entrances(
     __name__,
     __all__,
     {
-        "active_set": "direct linear_conditions newton stabilise",
+        "active_set": "direct fictitious linear_conditions newton stabilise",
         "complementarity": "Projection friction_of_prescribed_slip",
         "driver": "LOOPS Stagnation drive",
-        "initial_stress": "fictitious",
         "pulled": "At",
         "starts": "admissible as_guess natural_state possible_starts starting_values",
         "step": "Guess Record Step",

@@ -12,8 +12,7 @@ import numpy as np
 from skfem_contact.arguments import number, with_known_keywords
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.errors import InputError, SingularMatrix
-from skfem_contact.loops.active_set import direct, newton
-from skfem_contact.loops.initial_stress import fictitious
+from skfem_contact.loops.active_set import direct, fictitious, newton
 from skfem_contact.loops.step import Guess, Iterate, Record, Step
 from skfem_contact.loops.thresholds import NEWTON_ITERATIONS
 

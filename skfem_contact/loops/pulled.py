@@ -32,7 +32,7 @@ from skfem_contact.loops.active_set import newton
 from skfem_contact.loops.complementarity import Projection
 from skfem_contact.loops.driver import Outcome, drive
 from skfem_contact.loops.step import Guess, Record, Step
-from skfem_contact.loops.thresholds import FROM_NEAR, HALVINGS, IN_SERIES, ROUND_OFF
+from skfem_contact.loops.thresholds import HALVINGS, IN_SERIES, ROUND_OFF
 from skfem_contact.problem.points import PointSpace, on_rows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
 from skfem_contact.problem.seam import ContactProblem
@@ -186,7 +186,7 @@ class Pull:
 
     def answer(self, start: Guess) -> Outcome | None:
         """The step itself from a state that carries all of it; None where that is not found."""
-        return self._drive(self.step, start, FROM_NEAR, "")
+        return self._drive(self.step, start, IN_SERIES, "")
 
     def _drive(self, step: Step, start: Guess, most: int, note: str) -> Outcome | None:
         try:

@@ -30,7 +30,7 @@ from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState, State
-from skfem_contact.digits import GIVEN
+from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.loops.active_set import newton
 from skfem_contact.loops.driver import Outcome, drive
@@ -39,7 +39,6 @@ from skfem_contact.loops.step import Guess, Record, Step
 from skfem_contact.loops.thresholds import (
     EASED,
     EASED_AFTER,
-    FROM_NEAR,
     IN_SERIES,
     MOST_IN_SERIES,
     MOST_POINTS,
@@ -49,7 +48,6 @@ from skfem_contact.loops.thresholds import (
     SOFTENED,
     SOFTEST,
     TOO_SOFT,
-    TOO_STIFF,
 )
 from skfem_contact.problem.response import Load, Resistance
 from skfem_contact.problem.seam import ContactProblem
@@ -232,7 +230,7 @@ def proximal(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Outcome
     softness, eased = SOFTEST, EASED
     trace: list[Record] = []
     found = None
-    while len(trace) < MOST_IN_SERIES and TOO_STIFF < softness < TOO_SOFT:
+    while len(trace) < MOST_IN_SERIES and SOLVED < softness < TOO_SOFT:
         try:
             found = drive(newton, _in_series(step, softness, guess), guess, tolerance, IN_SERIES)
         except SingularMatrix:  # beside a law of 1e12 times their stiffness springs are round-off
@@ -243,7 +241,7 @@ def proximal(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Outcome
             continue
         before, guess = guess, replace(after(step, found), near=True)
         if _change(before, guess) < NEAR:
-            found = drive(newton, step, guess, tolerance, FROM_NEAR)
+            found = drive(newton, step, guess, tolerance, IN_SERIES)
             trace += found.trace
             if found.converged:
                 guess, found = _of_least_pressure(step, found, tolerance, trace)

@@ -35,14 +35,10 @@ FREE_CHANGES = 12
 # coefficients of 3, 10 and 100 that Newton had failed at, values of twice and half as much do as well.
 SOFTEST, EASED, EASED_AFTER, SOFTENED = 30.0, 4.0, 2.0, 3.0
 
-# Springs that are no softer than this, over their points, are lost in the round-off of what they are in
-# series with, and the matrix is singular. Answers that were found were so with 1e-5 and more.
-TOO_STIFF = 1e-8
-
-# Iterations for a problem with springs; for the problem itself, once the forces have changed by less
-# than a share from one problem to the next; and for the whole chain, which took 100 on the mean and
-# more than this in two of those load steps. Where no softness helps, nothing is to be found.
-IN_SERIES, FROM_NEAR, NEAR, MOST_IN_SERIES, TOO_SOFT = 25, 8, 0.1, 600, 1e4
+# Iterations for a problem with springs, and for the problem itself, once the forces have changed by
+# less than a share from one problem to the next; and for the whole chain, which took 100 on the mean
+# and more than this in two of those load steps. Where no softness helps, nothing is to be found.
+IN_SERIES, NEAR, MOST_IN_SERIES, TOO_SOFT = 25, 0.1, 600, 1e4
 
 # -- multipliers -------------------------------------------------
 

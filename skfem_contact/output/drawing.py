@@ -25,12 +25,8 @@ from skfem_contact.output.view import Box
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-# The longest arrow over the extent, the shortest that has a head over the longest, and how many there
-# are at most of one contact: more would cover each other.
-LONGEST, SHORTEST, ARROWS = 0.08, 0.03, 60
-
-# Distance and length of the short strokes on the side of the solid, over the extent.
-STROKES = 0.02
+# The longest arrow over the extent.
+LONGEST = 0.08
 
 PRESSURE, FRICTION, LINES, TOOL = "#20618d", "#b5441c", "#3a3a3a", "#8a8a8a"
 PLAIN = "#e4e4e4"  # bodies that have no value
@@ -163,6 +159,12 @@ def note(ax: Any, lines: list[str], drawn: Array | None = None) -> None:
     )  # fmt: skip
 
 
+def arrow_heads(size: Array, longest: float, most: int) -> Index:
+    """Arrows that have a head, evenly spread: of 3 % of the longest, more would cover each other."""
+    found = np.flatnonzero(size > 0.03 * longest)
+    return found[:: 1 + len(found) // most]
+
+
 def draw_lines(ax: Any, points: Array, lines: Index, size: float) -> None:
     """An obstacle in the plane, with strokes on the side of the solid; `size`: of the picture."""
     from matplotlib.collections import LineCollection  # optional, and slow to import
@@ -176,12 +178,13 @@ def draw_lines(ax: Any, points: Array, lines: Index, size: float) -> None:
     along = ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(along, axis=1)
     stop = np.cumsum(length)
-    places = np.arange(0.5 * STROKES * size, stop[-1], STROKES * size)
+    apart = 0.02 * size  # and as long
+    places = np.arange(0.5 * apart, stop[-1], apart)
     k = np.minimum(np.searchsorted(stop, places), len(lines) - 1)
     unit = along[k] / length[k, None]
     start = ends[k, 0] + (places - stop[k] + length[k])[:, None] * unit
     left = np.column_stack([-unit[:, 1], unit[:, 0]])
-    stroke = STROKES * size / np.sqrt(2) * (left - unit)
+    stroke = apart / np.sqrt(2) * (left - unit)
     ax.add_collection(
         LineCollection(
             list(np.stack([start, start + stroke], axis=1)),

@@ -16,9 +16,6 @@ from skfem_contact.output.drawing import ABOVE, LINES, new_axes, solid_axes
 
 Array = NDArray[np.float64]
 
-#: How dark bodies are, their outlines in the plane, and pairs, which are seen through bodies.
-PALE, LINE, STRONG = 0.06, 0.4, 0.8
-
 
 def plot_pairs(contacts: Sequence[Contact], ax: Any = None) -> Any:
     """Draw the two surfaces of each contact in one colour, and the bodies pale; with matplotlib.
@@ -64,10 +61,10 @@ def plot_pairs(contacts: Sequence[Contact], ax: Any = None) -> Any:
     plane = whole[0].dim == 2
     ax = (new_axes if plane else solid_axes)(ax, (7.0, 5.2))
     for surface in whole:
-        _add(ax, surface, LINES, LINE if plane else PALE)
+        _add(ax, surface, LINES, alpha=0.4 if plane else 0.06)  # pairs are seen through bodies
     for i, ((one, other), name) in enumerate(zip(sides, names, strict=True)):
-        _add(ax, one, f"C{i % 10}", STRONG, name)
-        _add(ax, other, f"C{i % 10}", STRONG)
+        _add(ax, one, f"C{i % 10}", width=3.0, label=name)
+        _add(ax, other, f"C{i % 10}", width=3.0)
     points = np.concatenate([surface.points for surface in whole])
     low, high = points.min(axis=0), points.max(axis=0)
     for axis, a, b in zip("xyz", low, high, strict=False):
@@ -78,7 +75,14 @@ def plot_pairs(contacts: Sequence[Contact], ax: Any = None) -> Any:
     return ax
 
 
-def _add(ax: Any, surface: ContactSurface, colour: str, alpha: float, label: str = "") -> None:
+def _add(
+    ax: Any,
+    surface: ContactSurface,
+    colour: str,
+    alpha: float = 0.8,
+    width: float = 0.8,
+    label: str = "",
+) -> None:
     """One surface as lines or faces."""
     kind = surface.kind
     from matplotlib.collections import LineCollection  # optional, and slow to import
@@ -88,7 +92,7 @@ def _add(ax: Any, surface: ContactSurface, colour: str, alpha: float, label: str
     pieces = np.array(kind.parts) if plane else kind.linear_parts
     x = list(surface.points[surface.facets][:, pieces].reshape(-1, pieces.shape[1], surface.dim))
     if plane:
-        drawn = LineCollection(x, colors=colour, linewidths=3.0 if alpha == STRONG else 0.8)
+        drawn = LineCollection(x, colors=colour, linewidths=width)
     else:
         drawn = Poly3DCollection(x, facecolors=colour, edgecolors="none")
     drawn.set(alpha=alpha, label=label or "_side")

@@ -15,13 +15,12 @@ from skfem_contact.bodies.facet_kinds import kind_of
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import InputError
 from skfem_contact.output.drawing import (
-    ARROWS,
     FRICTION,
     LINES,
     LONGEST,
     PLAIN,
-    SHORTEST,
     arc_length,
+    arrow_heads,
     draw_faces,
     draw_lines,
     is_solid,
@@ -47,9 +46,6 @@ from skfem_contact.output.tools import tools
 from skfem_contact.output.view import Box, View, gaps_overlap, placed_tools, view, with_tools
 
 Array = NDArray[np.float64]
-
-# What is left free around all that is drawn, over the extent.
-MARGIN_2D = 0.04
 
 
 @known_keywords()
@@ -162,7 +158,7 @@ def plot_deformed(
         if peak > 0:
             remarks = [f"longest arrow: {quantity(peak, 'stress', words)}", *remarks]
     if not solid:
-        room = MARGIN_2D * float(np.max(box[1] - box[0])) if window is None else 0.0
+        room = 0.04 * float(np.max(box[1] - box[0])) if window is None else 0.0
         (left, low), (right, high) = box[0] - room, box[1] + room
         ax.set(aspect="equal", xlim=(left, right), ylim=(low, high))
     if remarks:
@@ -261,8 +257,7 @@ def _arrows(ax: Any, result: ContactResult, seen: View, box: Box) -> tuple[Array
         tail = head - length * values.traction[order]
         ends.append(tail)
         ax.plot(*_only(tail, size[order] > 0).T, color=FRICTION, lw=0.8, zorder=3)
-        few = np.flatnonzero(size[order] > SHORTEST * peak)
-        few = few[:: 1 + len(few) // ARROWS]
+        few = arrow_heads(size[order], peak, 60)
         ax.quiver(
             *tail[few].T, *(head - tail)[few].T, angles="xy", scale_units="xy", scale=1.0,
             color=FRICTION, width=0.8, headwidth=4.5, headlength=5.5, headaxislength=5.0,

@@ -32,9 +32,6 @@ from skfem_contact.output.solids import draw_contact
 
 Array = NDArray[np.float64]
 
-# What is shown beside the points that touch, over their width.
-MARGIN = 0.15
-
 
 @known_keywords()
 def plot_contact(
@@ -174,7 +171,7 @@ def _window(s: Array, closed: NDArray[np.bool_]) -> tuple[float, float]:
     if not closed.any():
         return float(s.min()), float(s.max())
     low, high = s[closed].min(), s[closed].max()
-    margin = MARGIN * (high - low) + (s.max() - s.min()) / len(s)
+    margin = 0.15 * (high - low) + (s.max() - s.min()) / len(s)
     return float(max(low - margin, s.min())), float(min(high + margin, s.max()))
 
 

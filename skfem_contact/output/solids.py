@@ -18,12 +18,11 @@ from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.state import SLIP, STICK
 from skfem_contact.output.drawing import (
-    ARROWS,
     FRICTION,
     LINES,
     LONGEST,
     PLAIN,
-    SHORTEST,
+    arrow_heads,
     limits,
     note,
     open_words,
@@ -36,13 +35,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-# The viewer stands aside of the x axis and above the floor by these angles, or so far off the normal of
-# a contact [rad]: far enough to see that it is no plane picture.
-ASIDE, TILTED = -1.0, 0.5
-
-# What is shown beside the points that touch, over the longest side of the box round them.
-WINDOW_3D = 0.25
-
+#: Where the viewer stands, seen from above.
+ASIDE = np.array([np.cos(-1.0), np.sin(-1.0), 0.0])
 STUCK = "#2f7d4f"
 #: Triangles into which a triangle is cut by the middles of its edges, as weights of its corners.
 QUARTERS = np.array(
@@ -91,7 +85,7 @@ def draw_bodies(
     Returns the axes, what the colour bar belongs to, and the box that is shown.
     """
     ax = solid_axes(ax, (7.0, 5.2))
-    eye = np.array([np.cos(ASIDE) * np.cos(TILTED), np.sin(ASIDE) * np.cos(TILTED), np.sin(TILTED)])
+    eye = _tilted(ASIDE, np.array([0.0, 0.0, 1.0]))
     parts, shades, outlines = [], [], []
     for body, colour in zip(result.system.solids.values(), colours, strict=True):
         surface = body.surface(None)
@@ -208,9 +202,9 @@ def _states(
     pressing = np.einsum("ik,ik->i", values.traction, values.normal)
     friction = values.traction - pressing[:, None] * values.normal
     size = np.linalg.norm(friction, axis=1)
-    slips = np.flatnonzero(there & (values.status == SLIP) & (size > SHORTEST * size.max(initial=0.0)))
+    slipping = np.where(there & (values.status == SLIP), size, 0.0)
+    slips = arrow_heads(slipping, float(size.max(initial=0.0)), 120)
     if len(slips):
-        slips = slips[:: 1 + len(slips) // (2 * ARROWS)]
         extent = float(np.ptp(surface.points[surface.facets[seen]].reshape(-1, 3), axis=0).max())
         arrow = LONGEST * extent / size.max() * friction[slips]
         longest = quantity(float(size.max()), "stress", units)
@@ -226,7 +220,7 @@ def _near(surface: ContactSurface, closed: Mask) -> Mask:
         return np.ones(len(surface.facets), dtype=bool)
     x = surface.points
     low, high = x[closed].min(axis=0), x[closed].max(axis=0)
-    margin = WINDOW_3D * float(np.max(high - low)) + float(np.median(surface.lengths))
+    margin = 0.25 * float(np.max(high - low)) + float(np.median(surface.lengths))
     middle = x[surface.facets].mean(axis=1)
     return np.asarray(np.all((middle >= low - margin) & (middle <= high + margin), axis=1))
 
@@ -238,12 +232,15 @@ def _eye(surface: ContactSurface, shown: Mask, closed: Mask) -> Array:
     normal = (surface.facet_areas[some, None] * surface.facet_normals[some]).sum(axis=0)
     size = float(np.linalg.norm(normal))
     normal = normal / size if size > 0 else np.array([0.0, 0.0, 1.0])
-    aside = np.array([np.cos(ASIDE), np.sin(ASIDE), 0.0])
-    aside -= (aside @ normal) * normal
+    aside = ASIDE - (ASIDE @ normal) * normal
     if np.linalg.norm(aside) < 0.3:  # seen from the side: a little above
         aside = np.array([0.0, 0.0, 1.0]) - normal[2] * normal
-    eye = np.cos(TILTED) * normal + np.sin(TILTED) * aside / np.linalg.norm(aside)
-    return np.asarray(eye / np.linalg.norm(eye))
+    return _tilted(normal, aside / np.linalg.norm(aside))
+
+
+def _tilted(normal: Array, aside: Array) -> Array:
+    """A direction half a radian off another: far enough to see that it is no plane picture."""
+    return np.asarray(np.cos(0.5) * normal + np.sin(0.5) * aside)
 
 
 def _look(ax: Any, points: Array, eye: Array) -> None:

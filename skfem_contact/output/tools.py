@@ -29,15 +29,8 @@ from skfem_contact.records import dataclass
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-# What is shown of an obstacle beside the bodies, over their extent; a round one whose radius is so many
-# times the extent is shown around the bodies only, others as a whole.
+# What is shown of an obstacle beside the bodies, over their extent.
 AROUND = 0.08
-MUCH_LARGER = 4.0
-
-# Sides of a circle, and points along each side of the grid on which a function's zero is found: as
-# smooth as a picture can show.
-SIDES = 360
-GRID_2D, GRID_3D = 201, 33
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +162,7 @@ def _(obstacle: RigidSurface, low: Array, high: Array) -> tuple[Array, Index]:
 @outline.register
 def _(obstacle: LevelSet, low: Array, high: Array) -> tuple[Array, Index]:
     room = AROUND * (high - low).max()
-    count = GRID_2D if len(low) == 2 else GRID_3D
+    count = 201 if len(low) == 2 else 33  # as smooth as a picture can show
     axes = [np.linspace(a - room, b + room, count) for a, b in zip(low, high, strict=True)]
     return (zero_lines if len(low) == 2 else zeros)(obstacle.function, axes)
 
@@ -179,7 +172,7 @@ def _reach(centre: Array, radius: float, low: Array, high: Array) -> tuple[Array
     middle, size = 0.5 * (low + high), (0.5 + AROUND) * float(np.linalg.norm(high - low))
     away = middle - centre
     distance = float(np.linalg.norm(away))
-    if radius < MUCH_LARGER * size or distance <= size:
+    if radius < 4.0 * size or distance <= size:  # as a whole
         return np.eye(len(low))[0], np.pi  # a direction of its own, which turns with it
     return away / distance, float(np.arcsin(size / distance))
 
@@ -187,18 +180,18 @@ def _reach(centre: Array, radius: float, low: Array, high: Array) -> tuple[Array
 def _arc(centre: Array, radius: float, hollow: bool, low: Array, high: Array) -> tuple[Array, Index]:
     """A circle, or what of it is near a box."""
     away, angle = _reach(centre, radius, low, high)
-    turn = np.arctan2(away[1], away[0]) + np.linspace(-angle, angle, SIDES + 1)
+    turn = np.arctan2(away[1], away[0]) + np.linspace(-angle, angle, 361)
     points = centre + radius * np.column_stack([np.cos(turn), np.sin(turn)])
     if angle == np.pi:
         points[-1] = points[0]
-    lines = np.stack([np.arange(SIDES), np.arange(1, SIDES + 1)], axis=1)
+    lines = np.stack([np.arange(360), np.arange(1, 361)], axis=1)
     return points, lines[:, ::-1] if hollow else lines
 
 
 def _cap(centre: Array, radius: float, hollow: bool, low: Array, high: Array) -> tuple[Array, Index]:
     """A sphere, or what of it is near a box: rings about the direction towards it."""
     away, angle = _reach(centre, radius, low, high)
-    across, n, rings = _perpendicular(away), SIDES // 6, SIDES // 12
+    across, n, rings = _perpendicular(away), 60, 30
     turn, tilt = np.arange(n) * 2 * np.pi / n, np.linspace(0, angle, rings + 1)
     flat = np.column_stack([np.cos(turn), np.sin(turn)]) @ across
     points = centre + radius * (

@@ -31,24 +31,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Box = tuple[Array, Array]
 
-# Displacements over the extent of the bodies: seen at a glance, and bodies keep their shapes.
-DISPLACED = 0.06
-
-# Overlap of gaps that have closed, over the extent: magnified further, bodies would be seen in each
-# other.
-OVERLAPPING = 0.01
-
-# Overlap of such gaps in a picture that is seen, over the extent: the width of a line.
-SEEN = 0.002
-
 # A factor is rounded down to one of these times a power of ten.
 ROUND = (1.0, 2.0, 5.0)
-
-# A translation of all bodies is taken off where the factor then grows by more than this.
-TOGETHER = 4.0
-
-# An obstacle up to so many times as long as the bodies is shown as a whole.
-WHOLE = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +99,7 @@ def view(result: ContactResult, scale: float | Literal["auto"] = "auto") -> View
     known = tools(result)
     together = 0.5 * (u.max(axis=0) + u.min(axis=0))
     views = [View(_factor(result, u, known, shared), shared) for shared in (np.zeros(d), together)]
-    return views[1] if views[1].factor > TOGETHER * views[0].factor else views[0]
+    return views[1] if views[1].factor > 4.0 * views[0].factor else views[0]
 
 
 def nodal(body: Member, result: ContactResult) -> Array:
@@ -131,10 +115,10 @@ def _factor(result: ContactResult, u: Array, known: list[Tool], shared: Array) -
     largest = max([largest, *(_moved(tool, result, shared) for tool in known)])
     if largest == 0.0:
         return 1.0
-    factor = DISPLACED * extent / largest
+    factor = 0.06 * extent / largest  # bodies keep their shapes
     gap = _closed_gap(result)
     if gap > 0.0:
-        factor = min(factor, 1.0 + OVERLAPPING * extent / gap)
+        factor = min(factor, 1.0 + 0.01 * extent / gap)  # further, bodies would be seen in each other
     power = 10.0 ** np.floor(np.log10(factor))
     rounded = power * max(k for k in ROUND if k * power <= factor * (1 + COMPUTED))
     return max(1.0, float(rounded))
@@ -143,7 +127,7 @@ def _factor(result: ContactResult, u: Array, known: list[Tool], shared: Array) -
 def gaps_overlap(result: ContactResult, seen: View) -> bool:
     """Return whether closed gaps, which are not magnified, are seen to overlap in the picture."""
     extent = answer_of(result).system.extent
-    return abs(seen.factor - 1.0) * _closed_gap(result) > SEEN * extent
+    return abs(seen.factor - 1.0) * _closed_gap(result) > 0.002 * extent  # the width of a line
 
 
 def _closed_gap(result: ContactResult) -> float:
@@ -201,6 +185,6 @@ def with_tools(result: ContactResult, view: View, box: Box) -> Box:
             low, high = np.minimum(low, foot), np.maximum(high, foot)
     drawn = placed_tools(result, view, (low, high))
     for tool, (points, _) in zip(tools(result), drawn, strict=True):
-        if fits(tool.obstacle, WHOLE * size):
+        if fits(tool.obstacle, 1.5 * size):
             low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
     return low, high

@@ -5,12 +5,11 @@
 * `closest`, `node`: closest points of surfaces, and node-to-segment contact;
 * `control`: rows of quadratic faces whose nodal forces have no sign;
 * `vertices`, `corners`: convex corners of curves, what they meet, and the rows of that;
-* `mortar`: dual mortar contact, in steps:
+* `mortar`: dual mortar contact: the rows, their normals and gaps, in steps:
   `pieces`: what meets on a piece of the interface, and the integrals over them;
   `segmentation` finds them between curves, as intervals;
   `face_segmentation` between faces, as polygons (`cells`: plane parts of faces; `clipping`);
   `dual`, `supports`: multipliers, and what supports change of them;
-  `mortar_rows`: the rows, their normals and gaps;
 * `smooth`, `bulges`: smooth boundaries of facets, and what they change of rows;
 * `frames`: the frames of small sliding, weighted by the compliances of both sides;
 * `diagnosis`: what looks wrong with a pairing, in sentences;
@@ -31,8 +30,7 @@ __getattr__, __dir__ = entrances(
         "face_segmentation": "segment",
         "frames": "plane_moduli",
         "joints": "rim_points",
-        "mortar": "dual_mortar",
-        "mortar_rows": "least_gaps",
+        "mortar": "dual_mortar least_gaps",
         "node": "gap_vectors node_to_segment",
         "pieces": "whole_shares",
         "projection": "interpolated_normals project",

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import CORNER
-from skfem_contact.digits import SOLVED
+from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.joints import Joints, across_edges
 from skfem_contact.pairing.projection import Feet, interpolated_normals, project
 from skfem_contact.pairing.search import FacetTree, Nodes, closest_candidates
-from skfem_contact.pairing.thresholds import COINCIDENT, EXTENDED, FACING, LEAN
+from skfem_contact.pairing.thresholds import EXTENDED, FACING, LEAN
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
@@ -163,7 +163,7 @@ class Side:
         normal = interpolated_normals(primary, facet, feet.xi)
         height = dot(apart, normal)
         good = np.where(height >= 0, distance <= self.outside, distance <= self.inside)
-        beyond = np.flatnonzero(good & (feet.over > COINCIDENT * primary.lengths[facet]))
+        beyond = np.flatnonzero(good & (feet.over > GIVEN * primary.lengths[facet]))
         if len(beyond):
             rims, some = feet.some(beyond), facet[beyond]
             good[beyond] = self._at_rims(some, rims, apart[beyond], height[beyond])
@@ -192,14 +192,14 @@ class Side:
         off the normal of its facet.
         """
         primary, c = self.primary, self.primary.kind.corners
-        in_cone = feet.over <= np.abs(dot(apart, feet.own)) * (1 + COINCIDENT)
+        in_cone = feet.over <= np.abs(dot(apart, feet.own)) * (1 + GIVEN)
         at = np.flatnonzero(feet.place >= c)
         if not len(at):
             return self._at_edges(facet, feet, apart, height, in_cone)
         good = np.zeros(len(facet), dtype=bool)
         corner, least = (
             primary.facets[facet[at], feet.place[at] - c],
-            COINCIDENT * primary.lengths[facet[at]],
+            GIVEN * primary.lengths[facet[at]],
         )
         across = np.where(primary.mirrored[corner], np.abs(apart[at]), 0.0).max(axis=1)
         leads = self.joints.leads_off(corner, apart[at], least) | (across > least)
@@ -213,14 +213,14 @@ class Side:
         primary, edge = self.primary, feet.place
         twin, size = primary.twins[facet, edge], primary.lengths[facet]
         outward, normal = across_edges(primary, feet, twin)
-        nearer = -dot(apart, outward) > COINCIDENT * primary.lengths[twin // primary.kind.corners]
+        nearer = -dot(apart, outward) > GIVEN * primary.lengths[twin // primary.kind.corners]
         good = (twin >= 0) & ~nearer & ((dot(feet.own, normal) >= CORNER) | in_cone)
         if np.any(twin < 0):  # the surface ends: on a plane of symmetry, or above the side of the body
             mirror = primary.mirror_edges[facet, edge]
             across = np.where(mirror, np.abs(apart), 0.0).max(axis=1)
-            ended = mirror.any(axis=1) & (across <= COINCIDENT * size)
+            ended = mirror.any(axis=1) & (across <= GIVEN * size)
             aside = np.clip(height * _slopes(primary.end_turns[facet, edge]), 0.0, EXTENDED * size)
-            ended |= (aside > 0) & (feet.over <= aside + COINCIDENT * size)
+            ended |= (aside > 0) & (feet.over <= aside + GIVEN * size)
             good |= (twin < 0) & ended
         return good
 
@@ -233,7 +233,7 @@ def _slopes(turn: Array) -> Array:
     blocks of equal width overlaps the upper one's end, but is not opposite to its last facet. Where
     the boundary turns by less than 45 degrees or more than 135 it goes on, or back, as a surface.
     """
-    steep = np.abs(turn - 0.5 * np.pi) <= 0.25 * np.pi + COINCIDENT
+    steep = np.abs(turn - 0.5 * np.pi) <= 0.25 * np.pi + GIVEN
     return np.where(steep, -1.0 / np.tan(np.where(steep, turn, 0.5 * np.pi)), 0.0)
 
 
@@ -302,7 +302,7 @@ def signed_distances(surface: ContactSurface, points: Array) -> Array:
     inside = dot(points - feet.foot, _outward(surface, facet, feet)) < 0
     if surface.dim == 2:
         ended = surface.twins[facet, feet.place] < 0
-        inside &= ~(ended & (feet.over > COINCIDENT * surface.lengths[facet]))
+        inside &= ~(ended & (feet.over > GIVEN * surface.lengths[facet]))
     return np.where(inside, -1.0, 1.0) * distance
 
 

@@ -27,10 +27,10 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import SOLVED
+from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.node import Pairing
-from skfem_contact.pairing.thresholds import COINCIDENT, CROSS, LEAN, SLACK
+from skfem_contact.pairing.thresholds import CROSS, LEAN, SLACK
 from skfem_contact.pairing.vertices import Corners, Met, closest, lean_of, meet
 from skfem_contact.records import dataclass
 
@@ -184,8 +184,8 @@ class CornerRows:
         ends = nodes[:2]
         own = self.values["gap"][ends]
         there = int(np.argmax(N[:2]))
-        deepest = met.gap[k] + COINCIDENT * self.secondary.lengths[met.facet[k]]
-        if N[there] > 1 - COINCIDENT and own[there] <= deepest:
+        deepest = met.gap[k] + GIVEN * self.secondary.lengths[met.facet[k]]
+        if N[there] > 1 - GIVEN and own[there] <= deepest:
             self.values["vertex"][ends[there]] = vertex
             return  # the vertex lies at a node, whose own row says the same
         host = there if own[0] == own[1] else int(np.argmax(own))

@@ -20,7 +20,17 @@ pressure passes between meshes that do not match (patch test).
    the multipliers of what is cut short merged into their neighbours'. The row of an heir then holds
    both nodes, and a node left with no multiplier on any facet is not paired (it shows the heir's
    values: `discretisation.carriers`). Nodes that supports hold have no multiplier either: `supports`.
-4. `mortar_rows` assembles ``D`` and ``M``; `bulges` and kinks change the gaps.
+4. The rows ``D`` and ``M`` are assembled; `bulges` and kinks change the gaps.
+
+Straight sides and flats may turn by less than a corner does. At less than 45 degrees a surface has one
+normal at a node, averaged, and the multipliers reach over it: both right for curves, whose facets turn
+by like angles one after the other. A chamfer beside a flat is no curve. Its node is known by what the
+surface does next to it: on one side at least it goes straight on (`bodies.kinks.kink_angles`). There
+
+* the normal is that of the other side of the interface, which meets one of the two parts;
+* the gap of a row is no less than the least distance in its support (`least_gaps`). A dual multiplier
+  is negative in parts, and where these are over a chamfer, which is open by the size of a facet, the
+  weighted gap is an overlap many times deeper than any displacement. Motions keep the weights.
 
 References
 ----------
@@ -32,31 +42,34 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
-from skfem_contact.bodies.normals import tangents
+from skfem_contact.bodies.normals import angle_between, tangents, unit
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.thresholds import BENT
+from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.bulges import bulged
-from skfem_contact.pairing.mortar_rows import (
-    divided,
-    facet_bases,
-    least_gaps,
-    mortar_normals,
-    overhang,
-    own_rows,
-    primary_matrix,
-    secondary_matrix,
-    shared_nodes,
-    weighted_gaps,
-)
-from skfem_contact.pairing.node import Pairing
+from skfem_contact.pairing.closest import search_range
+from skfem_contact.pairing.dual import DualBasis, dual_basis, node_rows, positive_functions
+from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.pieces import Moments, Pieces, bulges_of, whole_shares
 from skfem_contact.pairing.segmentation import segment as segment_curves
-from skfem_contact.pairing.supports import FREE, find_supports, slip_rows
-from skfem_contact.pairing.thresholds import NO_WEIGHT
+from skfem_contact.pairing.supports import (
+    FREE,
+    MET,
+    Supports,
+    find_supports,
+    slip_rows,
+    without_multiplier,
+)
+from skfem_contact.pairing.thresholds import KINK, NO_WEIGHT, SAME_NORMAL, SHARE_KEPT, SPREAD
+from skfem_contact.pairing.vectors import assembled, dot, entries, summed, without_round_off
+from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 
 def dual_mortar(
@@ -188,3 +201,261 @@ def _segment(secondary: ContactSurface, primary: ContactSurface, reach: float | 
     from skfem_contact.pairing.face_segmentation import segment as segment_faces
 
     return segment_faces(secondary, primary, reach)
+
+
+def facet_bases(
+    surface: ContactSurface,
+    moments: Moments,
+    whole: Array,
+    supports: Supports | None,
+    pressed: Index | None,
+) -> DualBasis:
+    """Multipliers of all facets: zero where nothing is covered, one each of those `pressed`."""
+    nf, k = surface.facets.shape
+    covered = np.unique(moments.e)
+    share = moments.own.sum(axis=2) @ positive_functions(surface.kind).T
+    total = np.bincount(surface.facets.ravel(), share.ravel(), len(surface.points))[surface.facets]
+    without = None if supports is None else without_multiplier(supports.rank)[covered]
+    constant = None if pressed is None else np.isin(covered, pressed)
+    masses = moments.own[covered]
+    some = dual_basis(surface.kind, masses, whole[covered], total[covered], without, constant)
+    A, S, share = np.zeros((nf, k, k)), np.zeros((nf, k, k)), np.zeros((nf, k))
+    A[covered], S[covered], share[covered] = some.A, some.S, some.share
+    return DualBasis(A, S, share)
+
+
+def own_rows(
+    secondary: ContactSurface, primary: ContactSurface, supports: Supports | None, basis: DualBasis
+) -> tuple[Array, csr_matrix | None]:
+    """S of the rows of the secondary, and what rule 2 of `supports` changes in ``M``, if anything.
+
+    Nodes held on both sides get their share back, with a row of node-to-segment contact.
+    """
+    shape = (len(secondary.points), len(primary.points))
+    if supports is None:
+        return basis.S, None
+    nodes, owner = secondary.facets[supports.facet], basis.S.copy()
+    S, share = basis.S[supports.facet], basis.share[supports.facet]
+    own = np.einsum("hii->hi", S)
+    back = (own == 0) & (share > 0) & (supports.rank[supports.facet] == MET)
+    lent = np.where(back[:, None, :], S * share[:, None, :], 0.0)  # to row, of node
+    # what is left of the rows that lent it must be rows
+    total = np.bincount(secondary.facets.ravel(), (basis.S @ basis.share[..., None]).ravel(), shape[0])
+    given = np.bincount(nodes.ravel(), lent.sum(axis=2).ravel(), shape[0])
+    poor = (total - given < SHARE_KEPT * (1 - GIVEN) * given)[nodes]
+    back &= ~np.any((lent > 0) & poor[:, :, None], axis=1)
+    lent = np.where(back[:, None, :], lent, 0.0)
+    h, i = np.nonzero(back)
+    owner[supports.facet[h], :, i] = 0.0
+    owner[supports.facet[h], i, i] = 1.0
+    change = -lent
+    change[h, i, i] += share[h, i]
+    change = change @ node_rows(secondary.kind)
+    data = change[..., None] * supports.weight[:, None]  # (h, row, node, k')
+    row = np.broadcast_to(nodes[:, :, None, None], data.shape)
+    column = np.broadcast_to(supports.opposite[:, None], data.shape)
+    return owner, csr_matrix((data.ravel(), (row.ravel(), column.ravel())), shape=shape)
+
+
+def secondary_matrix(
+    surface: ContactSurface, share: Array, S: Array
+) -> tuple[csr_matrix, Array, Array]:
+    """Assemble ``D``, the areas ``int phi_i``, and the normals of the primary at the nodes.
+
+    Merged nodes keep their entry in the heir's row even where it is zero, on the axis.
+    """
+    m, k = len(surface.points), surface.facets.shape[1]
+    rows = node_rows(surface.kind)
+    data = ((S * share[:, None, :]).reshape(-1, k) @ rows).reshape(S.shape)
+    facet, i, j = np.nonzero((S.reshape(-1, k) @ np.abs(rows)).reshape(S.shape))
+    at = surface.facets[facet, i], surface.facets[facet, j]
+    D = assembled(at, data[facet, i, j], (m, m))
+    part = data.sum(axis=2)
+    area = np.asarray(np.bincount(surface.facets.ravel(), part.ravel(), m), dtype=float)
+    total = summed(surface.facets, part[:, :, None] * surface.facet_node_normals, m)
+    return D, area, -node_directions(surface, total, area)
+
+
+def primary_matrix(
+    secondary: ContactSurface, primary: ContactSurface, moments: Moments, A: Array
+) -> tuple[csr_matrix, Index]:
+    """Assemble ``M``; and for each node the primary facet where its shape function weighs most."""
+    e, f = moments.e, moments.f
+    data = A[e] @ moments.cross
+    row = np.broadcast_to(secondary.facets[e][:, :, None], data.shape)
+    col = np.broadcast_to(primary.facets[f][:, None, :], data.shape)
+    shape = (len(secondary.points), len(primary.points))
+    M = assembled((row.ravel(), col.ravel()), data.ravel(), shape)
+    return M, main_facets(secondary, primary, e, f, moments.cross.sum(axis=2))
+
+
+def mortar_normals(
+    secondary: ContactSurface, primary: ContactSurface, moments: Moments, A: Array, own: Array
+) -> tuple[Array, Array]:
+    """Normals of both sides in the weighted mean of dual multipliers, from primary to secondary.
+
+    The primary's field of normals is weighted with the multipliers like its displacements: exact for
+    a field that is linear over each facet of the secondary, so the same as the secondary's on
+    matching meshes.
+
+    Parameters
+    ----------
+    secondary, primary : ContactSurface
+    moments : Moments
+    A : ndarray, shape (nf, k, k)
+        The multipliers of each facet in its shape functions.
+    own : ndarray, shape (m, d)
+        Normals at the nodes of the secondary, turned round.
+
+    Returns
+    -------
+    of_secondary, of_primary : ndarray, shape (m, d)
+    """
+    node, field = secondary.facets[moments.e], primary.facet_node_normals[moments.f]
+    total = summed(node, A[moments.e] @ moments.cross @ field, len(own))
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    there = length > SOLVED * length.max(initial=0.0)
+    of_primary = np.where(there, total / np.where(there, length, 1.0), own)
+    # a corner of the primary, if the mean normals of its pieces spread about theirs
+    mean = unit(moments.cross.sum(axis=1)[:, None] @ field)[:, 0]
+    along = np.ones(len(own))
+    np.minimum.at(along, node, dot(of_primary[node], mean[:, None]))
+    corner = along < np.cos(0.5 * SPREAD)
+    beside = np.any(primary.kinks[primary.facets[moments.f]] > KINK, axis=1)
+    corner[node[beside]] = True
+    corner = corner[:, None]
+    of_primary = np.where(corner, own, of_primary)
+    # an edge of the secondary, if its covered facets have several normals there
+    covered = np.unique(moments.e)
+    turned, node = np.zeros(len(own)), secondary.facets[covered]
+    np.maximum.at(turned, node, angle_between(secondary.facet_node_normals[covered], -own[node]))
+    sharp = ((turned > SAME_NORMAL) | (secondary.kinks > KINK))[:, None]
+    return np.where(sharp & ~corner, of_primary, own), of_primary
+
+
+def divided(matrix: csr_matrix, by: Array, paired: NDArray[np.bool_]) -> csr_matrix:
+    """Rows divided by their sums, entries that are zero kept; no rows where not paired."""
+    row, column, value = entries(matrix)
+    keep = paired[row]
+    row, start = (
+        row[keep],
+        np.concatenate([[0], np.cumsum(np.where(paired, np.diff(matrix.indptr), 0))]),
+    )
+    return csr_matrix((value[keep] / by[row], column[keep], start), shape=matrix.shape)
+
+
+def shared_nodes(secondary: ContactSurface, primary: ContactSurface) -> NDArray[np.bool_]:
+    """Nodes that are on both surfaces (the tip of a slit) and can not meet themselves."""
+    if secondary.body is not primary.body:
+        return np.zeros(len(secondary.points), dtype=bool)
+    return np.isin(secondary.dofs[:, 0], primary.dofs[:, 0])
+
+
+def main_facets(
+    secondary: ContactSurface, primary: ContactSurface, e: Index, f: Index, part: Array
+) -> Index:
+    """For each node the primary facet where its shape function weighs most, (m,); -1 where none.
+
+    Parameters
+    ----------
+    secondary, primary : ContactSurface
+    e, f : ndarray of int, shape (p,)
+        Facets that meet.
+    part : ndarray, shape (p, k)
+        Weights of the nodes of facet e over what it has in common with f.
+    """
+    m, nf = len(secondary.points), len(primary.facets)
+    place = secondary.facets[e].ravel() * nf + np.repeat(f, part.shape[1])
+    pair, which = np.unique(place, return_inverse=True)
+    weight = np.bincount(which, part.ravel())
+    facet = np.full(m, -1)
+    pair = pair[np.argsort(weight, kind="stable")]  # the last written is the largest
+    facet[pair // nf] = pair % nf
+    return facet
+
+
+def node_directions(surface: ContactSurface, total: Array, area: Array) -> Array:
+    """Unit vectors along weighted sums of normals (m, d), whose weights add up to the areas (m,)."""
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    # opposite sides cancel at no corner but a crack tip; there the node's own will do
+    known = length > SOLVED * area[:, None]
+    return np.divide(total, length, out=surface.normals.copy(), where=known)
+
+
+def weighted_gaps(
+    secondary: ContactSurface,
+    primary: ContactSurface,
+    normal: Array,
+    weights: tuple[csr_matrix, csr_matrix],
+    change: Array | None,
+    least: Array | None,
+) -> Array:
+    """Gaps along the normals by the weights of both sides, no less than `least`, (m,).
+
+    `change` is what smooth boundaries make of them (`smooth`).
+    """
+    gap = np.sum(normal * gap_vectors(secondary, primary, *weights), axis=1)
+    if change is not None:
+        gap += change
+    if least is not None:
+        gap = np.maximum(gap, least)
+    curved = np.zeros(len(gap), dtype=bool) if change is None else change != 0
+    return without_round_off(gap, secondary, primary, curved)
+
+
+def overhang(
+    secondary: ContactSurface,
+    primary: ContactSurface,
+    some: Index,
+    reach: float | None,
+) -> tuple[Array, Index]:
+    """How far some points are beside the primary, across their normal [length], and of which facet."""
+    if not len(some):  # as usual
+        return np.zeros(0), some
+    outside, inside = search_range(secondary, primary, reach)
+    points, normal = secondary.points[some], secondary.normals[some]
+    _, nearest = Tree(primary.points).query(points)
+    away = primary.points[nearest] - points
+    along = np.sum(away * normal, axis=1)
+    across = np.linalg.norm(away - along[:, None] * normal, axis=1)
+    facing = np.sum(normal * primary.normals[nearest], axis=1) < 0
+    beside = facing & (along <= outside) & (along >= -inside)
+    facet_of = np.empty(len(primary.points), dtype=np.intp)
+    facet_of[primary.facets] = np.arange(len(primary.facets))[:, None]
+    return np.where(beside, across, np.inf), np.where(beside, facet_of[nearest], -1)
+
+
+def least_gaps(pieces: Pieces, acts: Mask, smooth: Array | None = None) -> Array | None:
+    """Least distance in the support of each mortar row that reaches over a kink, shape (m,) [length].
+
+    Parameters
+    ----------
+    pieces : Pieces
+    acts : ndarray of bool, shape (nf, k)
+        Nodes that have a multiplier on each facet of the secondary.
+    smooth : ndarray, shape (p,), optional
+        Least gaps of the pieces between smooth boundaries; infinite where there are none [length].
+
+    Returns
+    -------
+    ndarray, shape (m,), or None
+        Minus infinity for all other rows; None if there is no kink.
+    """
+    sides, facets = (pieces.secondary, pieces.primary), pieces.facets
+    over = np.zeros(len(facets[0]), dtype=bool)
+    for surface, facet in zip(sides, facets, strict=True):
+        bent = (surface.kinks > BENT) | surface.sharp_points
+        over |= np.any(bent[surface.facets], axis=1)[facet]
+    if not over.any():
+        return None
+    node, on, m = sides[0].facets[facets[0]], acts[facets[0]], len(sides[0].points)
+    reaches = np.zeros(m, dtype=bool)
+    reaches[node[on & over[:, None]]] = True
+    mine = np.flatnonzero(np.any(reaches[node] & on, axis=1))
+    # linear on straight and plane facets: least at the ends or corners of a piece
+    gap = pieces.corners(mine).gap.min(axis=1)
+    if smooth is not None:
+        gap = np.where(np.isfinite(smooth[mine]), smooth[mine], gap)
+    least = np.full(m, np.inf)
+    np.minimum.at(least, node[mine][on[mine]], np.broadcast_to(gap[:, None], on[mine].shape)[on[mine]])
+    return np.where(reaches, least, -np.inf)

@@ -8,11 +8,12 @@ from scipy.sparse import bsr_matrix, csr_matrix, identity
 
 from skfem_contact.bodies.normals import angle_between, sizes, tangents
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.bulges import bulged_nodes
 from skfem_contact.pairing.closest import closest_facets, overhang, search_range
 from skfem_contact.pairing.projection import interpolated_normals
-from skfem_contact.pairing.thresholds import COINCIDENT, FACING, KINK
+from skfem_contact.pairing.thresholds import FACING, KINK
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
 from skfem_contact.trees import ODD
@@ -64,7 +65,7 @@ class Pairing:
         By how much the gap is a distance between smooth boundaries, and not a part of the vector
         between facets: 0 to 1.
     least_gap : ndarray, shape (m,), optional
-        Gaps are no less than this, whatever the weights say (`mortar_rows.least_gaps`) [length].
+        Gaps are no less than this, whatever the weights say (`mortar.least_gaps`) [length].
     corners : frozenset
         Vertices that carry by themselves, see `corners.CornerContacts.names`.
     vertex : ndarray of int, shape (m,), optional
@@ -162,7 +163,7 @@ def node_to_segment(
     -----
     The closest point is taken among the facets that face the node (`thresholds.FACING`) and hold a
     stationary point of the distance to the *whole* primary surface. So a node beyond the end or rim of
-    an open surface has no partner (tolerance: `thresholds.COINCIDENT` of the size of a facet), and one
+    an open surface has no partner (tolerance: `digits.GIVEN` of the size of a facet), and one
     outside a smooth convex vertex or edge is paired with that vertex or edge. Around a corner of 45
     degrees or more it is paired with it along the normal of the facet most opposite to the node, as
     long as it lies at most 45 degrees off that normal; farther out it overhangs. Of equally near facets
@@ -271,10 +272,10 @@ def _node_normals(
     """
     own, nodes = -secondary.normals[point], primary.facets[facet]
     corner = (secondary.sharp_points | (secondary.kinks > KINK))[point, None]
-    sharp, on = primary.sharp_points | (primary.kinks > KINK), shape >= 1 - COINCIDENT
+    sharp, on = primary.sharp_points | (primary.kinks > KINK), shape >= 1 - GIVEN
     at_corner = np.any(sharp[nodes] & on, axis=1)
     if primary.dim == 3:
-        on_edges = shape[:, primary.kind.edges].sum(axis=2) >= 1 - COINCIDENT
+        on_edges = shape[:, primary.kind.edges].sum(axis=2) >= 1 - GIVEN
         at_corner |= np.any(primary.sharp_edges[facet] & on_edges, axis=1)
     # beside a kink the field of normals is on its way to the mean of both parts
     at_corner = (at_corner | np.any(primary.kinks[nodes] > KINK, axis=1))[:, None]
@@ -303,9 +304,9 @@ def shared_at_seams(
         return weights
     shared = np.bincount(place)[place] > 1
     rows = weights.tolil()
-    for i in np.flatnonzero(weights @ shared.astype(float) > 1.0 - COINCIDENT):
+    for i in np.flatnonzero(weights @ shared.astype(float) > 1.0 - GIVEN):
         nodes, parts = np.array(rows.rows[i]), np.array(rows.data[i])
-        kept = np.abs(parts) > COINCIDENT
+        kept = np.abs(parts) > GIVEN
         nodes, parts = nodes[kept], parts[kept] / parts[kept].sum()
         if len(nodes) == primary.facets.shape[1]:
             continue  # inside a facet
@@ -321,7 +322,7 @@ def shared_at_seams(
 
 def _places(surface: ContactSurface) -> NDArray[np.intp] | None:
     """The place of each node, by its number; None where no two nodes share one."""
-    points, near = surface.points, COINCIDENT * float(np.min(surface.lengths))
+    points, near = surface.points, GIVEN * float(np.min(surface.lengths))
     order = np.argsort(points @ ODD[: points.shape[1]])  # nodes at one place follow each other
     away = sizes(np.diff(points[order], axis=0))
     if not np.count_nonzero(away <= near):

@@ -12,11 +12,6 @@ from skfem_contact.bodies.thresholds import CORNER
 # they may be up to 84 degrees off the exactly opposite direction.
 FACING = 0.1
 
-# Points closer than this fraction of a facet length coincide: a point beyond the end of a surface is
-# still above its end, a foot point at a node is the node, vertices that overlap only touch. Round-off
-# of coordinates, 1e-16 times the extent over a facet length, is far below.
-COINCIDENT = 1e-6
-
 # Up to this part of a facet the sloping side of a body at the end of a surface decides what is above
 # the end; what lies farther beyond it is another part of the boundary. With finite sliding surfaces go
 # on by this part of a facet beyond where they end, as "extension zones" of contact codes do: ends that
@@ -64,7 +59,7 @@ WEIGHTS_KEPT = float(np.sqrt(7))
 # then is small.
 WORST_CONDITION = 1e8
 
-# -- node, mortar_rows: normals of both sides --------------------
+# -- node, mortar: normals of both sides -------------------------
 
 # A smaller turn beside a straight part, 2 degrees, may be that of a curve which begins there [rad].
 KINK = float(np.radians(2.0))

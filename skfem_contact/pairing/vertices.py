@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import CORNER
-from skfem_contact.digits import SOLVED
+from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.pairing.joints import across_edges
 from skfem_contact.pairing.projection import interpolated_normals, project
-from skfem_contact.pairing.thresholds import COINCIDENT, PAIRS_AT_ONCE, SLACK
+from skfem_contact.pairing.thresholds import PAIRS_AT_ONCE, SLACK
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
 
@@ -111,7 +111,7 @@ def meet(
     met = some(met, leans[met.corner, met.facet])
     _, first = np.unique(met.corner, return_index=True)
     met = some(met, first)
-    return some(met, met.gap < -COINCIDENT * other.lengths[met.facet]) if only_overlaps else met
+    return some(met, met.gap < -GIVEN * other.lengths[met.facet]) if only_overlaps else met
 
 
 def closest(
@@ -139,9 +139,9 @@ def closest(
     # beyond an end: its node is the closest point only if it is that of the next facet, too
     twin = other.twins[facet, feet.place]
     outward, there = across_edges(other, feet, twin)
-    at_node = -dot(apart, outward) <= COINCIDENT * other.lengths[twin // 2]
+    at_node = -dot(apart, outward) <= GIVEN * other.lengths[twin // 2]
     at_node &= (twin >= 0) & (dot(feet.own, there) >= CORNER)
-    good &= (feet.over <= COINCIDENT * other.lengths[facet]) | at_node
+    good &= (feet.over <= GIVEN * other.lengths[facet]) | at_node
     good &= np.where(gap >= 0, distance <= limits[0], distance <= limits[1])
     return some(Met(corner, facet, feet.shape, normal, gap), good)
 
@@ -158,7 +158,7 @@ def _all_outside(points: Array, surface: ContactSurface, facet: Index) -> bool:
     normals = surface.facet_node_normals.take(facet, axis=0)
     above = np.einsum("qid,qjd->qij", points[:, None] - ends, normals)
     # half of what only touches, as a mean of two unit vectors is shorter than one
-    return bool(np.all(above >= -0.5 * COINCIDENT * surface.lengths.take(facet)[:, None, None]))
+    return bool(np.all(above >= -0.5 * GIVEN * surface.lengths.take(facet)[:, None, None]))
 
 
 def _candidates(points: Array, surface: ContactSurface) -> tuple[Index, Index]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.arrays import largest, lengths
-from skfem_contact.problem.thresholds import SKEW
+from skfem_contact.digits import SOLVED
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
@@ -87,7 +87,7 @@ def _skewed(spring: Array) -> Mask:
     """Springs (m, t, t) that differ from their transposes by more than round-off."""
     size = np.max(np.abs(spring), axis=(1, 2))
     skew = np.max(np.abs(spring - spring.swapaxes(1, 2)), axis=(1, 2))
-    return np.asarray(skew > SKEW * size)
+    return np.asarray(skew > SOLVED * size)
 
 
 @dataclass(eq=False)

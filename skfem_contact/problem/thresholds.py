@@ -81,12 +81,6 @@ LOOSE = 1e-5
 # this size altogether are made however few load steps there are.
 KEPT_BESIDE = 64_000_000
 
-# -- response ----------------------------------------------------
-
-# Difference of a point's spring from its transpose, over its largest entry, that is round-off: springs
-# across a direction are inverted from matrices with a condition of up to 1e6 (`slipping_in_space`).
-SKEW = 1e-9
-
 # -- springs -----------------------------------------------------
 
 # Rows whose flexibility is formed at a time: a small part of the dense problem's memory.

@@ -17,13 +17,20 @@ from __future__ import annotations
 
 from skfem_contact.reference.fretting import (
     BarBetweenPlanes,
+    CappedSliding,
     LayeredCantilever,
+    PartialSlip,
+    annulus_torsion_capacity,
     bar_between_planes,
+    capped_sliding,
+    cattaneo_mindlin,
+    cattaneo_mindlin_slip,
     fretting_dissipation_line,
     layered_cantilever,
     mindlin_compliance,
     mindlin_dissipation,
     mindlin_shift,
+    sphere_torsion_capacity,
     tangential_shift_line,
 )
 from skfem_contact.reference.friction_problems import (
@@ -48,15 +55,6 @@ from skfem_contact.reference.hertz import (
     hertz_line,
     hertz_point,
     quartic_line,
-)
-from skfem_contact.reference.partial_slip import (
-    CappedSliding,
-    PartialSlip,
-    annulus_torsion_capacity,
-    capped_sliding,
-    cattaneo_mindlin,
-    cattaneo_mindlin_slip,
-    sphere_torsion_capacity,
 )
 from skfem_contact.reference.punch import (
     BondedPunch,

@@ -1,7 +1,7 @@
 """Frictionless contact of smooth profiles: Hertz line and point, the quartic profile.
 
 Each contact object answers `pressure(x)` and `with_load(P)`; the theorem of Ciavarella and Jäger
-(`partial_slip.cattaneo_mindlin`) builds tangential contact from these two alone.
+(`fretting.cattaneo_mindlin`) builds tangential contact from these two alone.
 
 A block of finite depth and width is no half plane: its far field adds a curvature to the surface
 under the load. Under a line load P on a block of depth H,

@@ -284,7 +284,7 @@ def test_springs_that_are_not_symmetric(route):
         size = np.abs(spring).max(axis=(1, 2))
         # a solver that takes them for symmetric reads one of two halves
         assert np.all(
-            (odd > internals.original("problem.SKEW") * size) | (odd <= np.finfo(float).eps * size)
+            (odd > internals.original("problem.SOLVED") * size) | (odd <= np.finfo(float).eps * size)
         )
     assert not outcome.iterate.conditions.even_springs
 

@@ -2,6 +2,5 @@
 
 * `sources`: what is estimated;
 * `net`, `surface`: from the surface, by what the values around each node tell;
-* `body`: from the bodies behind it;
-* `estimate`: all together, with advice.
+* `estimate`: from the bodies behind it, and all together, with advice.
 """

@@ -2,7 +2,7 @@
 
 * `validity`: the values that steps and `assess` measure; `words`: what is beyond its bound, in words;
 * `deformed_boundaries`: signed distances between deformed boundaries, seen from outside; `edges`: of
-  solids, that cross; `overlaps`: where steps look for them; `obstacle_overlaps`: what obstacles hide;
+  solids, that cross; `overlaps`: where steps look for them, and what obstacles hide;
 * `track`: where points are led by their slip, how the other side curves and where it ends; `chords`:
   facets that are too long for what presses on a curve;
 * `support`: how bodies move as a whole, and how far they give under contact; `strain`: how far they are

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.validity.obstacle_overlaps import (
+from skfem_contact.answers.validity.overlaps import (
     depth_in_solid,
     in_solid_words,
     leaning_words,

@@ -56,15 +56,13 @@ FIRST_ORDER = {
 def lockable(result: Answer) -> list[str]:
     """Names of the bodies that may lock, where the answer is by their own stiffness."""
     given = zip(result.system.names, result.system.bodies, result.stiffness, strict=True)
-    return [
-        name
-        for name, body, K in given
-        if isinstance(body, Body) and body.components > 1 and K is body.K and may_lock(body)
-    ]
+    return [name for name, body, K in given if may_lock(body) and K is body.K]
 
 
-def may_lock(body: Body) -> bool:
+def may_lock(body: Any) -> bool:
     """Return whether some material of a body hardly changes its volume, as far as that is known."""
+    if not isinstance(body, Body) or body.components == 1:
+        return False
     known = body.moduli
     return known is not None and known.quotient > STIFF_BULK
 

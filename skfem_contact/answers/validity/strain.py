@@ -102,8 +102,6 @@ def rigid_rotations(system: System, contacts: Sequence[Contact], surface: Array)
     surface : ndarray
         Displacements of the surfaces, in the order of `surface_dofs` [length].
     """
-    if not len(surface):  # nothing slides far
-        return {}
     dofs = surface_dofs(system, contacts)
     nodes: dict[int, list[tuple[Array, Array]]] = {}
     for contact in contacts:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import A_TENTH, PRESSED, SUSPECTED
 from skfem_contact.answers.validity.assess import Assessment
 from skfem_contact.answers.validity.contact_watch import ContactWatch
-from skfem_contact.answers.validity.locking import lockable
+from skfem_contact.answers.validity.locking import lockable, may_lock
 from skfem_contact.answers.validity.overlaps import Overlaps, of_two_bodies
 from skfem_contact.answers.validity.strain import leaning, rigid_rotations
 from skfem_contact.answers.validity.support import Support
@@ -128,7 +129,8 @@ class Watch:
             turns[name] = float(turn) / self.supports[b].arm
             stretches[name] = self._stretch(self.supports[b], case.x)
         stretches |= {name: self._stretch(known, u) for name, known in self.floating.items()}
-        turns |= rigid_rotations(self.system, self.contacts, state.surface)
+        if len(state.surface):  # of what slides far
+            turns |= rigid_rotations(self.system, self.contacts, state.surface)
         undetected = [
             watch.undetected(state, gap, case, u, drift)
             for watch, drift in zip(self.watches, drifts, strict=True)
@@ -138,7 +140,9 @@ class Watch:
             turns,
             issued,
             tuple(self.tracks),
-            self.overlaps.look(state, case, self.tracks, drifts),
+            self.overlaps.look(state, case, self.tracks, drifts)
+            if self.overlaps.looked
+            else frozenset(),
             {i: text for i, text in enumerate(undetected) if text},
             stretches=stretches,
         )
@@ -201,6 +205,11 @@ class Watch:
                 warn(words + ONCE)
         return replace(known, issued=known.issued | new, meetings=measured.meetings)
 
+    @cached_property
+    def _may_lock(self) -> bool:
+        """Whether some body may lock, whatever the answer is."""
+        return any(map(may_lock, self.system.bodies))
+
     def _suspected(self, result: Answer) -> dict[int, tuple[set[str], Issued]]:
         """What seems to be wrong with contacts and has not been said, by kind; what is to be kept.
 
@@ -239,7 +248,7 @@ class Watch:
         found: dict[str, Issued] = {}
         if not self.moves:
             return found
-        known, may_lock = result.diagnostics, lockable(result)
+        known, lock = result.diagnostics, lockable(result) if self._may_lock else []
         size = dict.fromkeys(self.solids, (0.0, 0.0))
         for drift, watch in zip(known.drifts, self.watches, strict=True):
             for name in {self.system.names[b] for b in watch.bodies} & set(size):
@@ -251,7 +260,7 @@ class Watch:
             beyond = {
                 "strain": strained,
                 "rotation": strained or turn > SUSPECTED * A_TENTH,
-                "locking": name in may_lock,
+                "locking": name in lock,
             }
             kinds = {kind for kind in beyond if beyond[kind] and (kind, name) not in known.issued}
             seen = _seen("volumes", name, approach) if "locking" in kinds else Issued()
