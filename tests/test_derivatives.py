@@ -354,11 +354,11 @@ def same_status(result):
     return result.status
 
 
-def kinked(seeds, component, far, still):
+def kinked(seeds, component, far, still, dim=2):
     """Largest deviation at the kinks of some states, and their number."""
     found = []
     for seed in seeds:
-        state = State(seed, 2)
+        state = State(seed, dim)
         for t in kink(state, component, far, still) or ():
             results = pushed(state, component, t)
             if len(results[-1].linearized.kinks) != 1:
@@ -372,19 +372,54 @@ def test_kinks_have_a_derivative_to_either_side():
     """Where a point begins to slip, and where one opens, on both sides of the change."""
     assert max(kinked((3,), 0, 0.006, same_status)) < CLOSE
     assert max(kinked((8,), 1, 0.004, still_open)) < CLOSE
+    assert max(kinked((2,), 0, 0.006, same_status, dim=3)) < CLOSE
 
 
-def test_a_step_in_which_nothing_moves_has_kinks():
+LOADED = {
+    "plane": (2, sc.Coulomb(0.3)),
+    "space": (3, sc.Coulomb(0.3)),
+    "spring": (3, sc.Coulomb(0.3, stiffness=2.0)),
+    "ellipse": (3, sc.OrthotropicCoulomb((0.3, 0.15), (1.0, 0.3, 0.0))),
+}
+
+
+@pytest.mark.parametrize("scene", LOADED)
+@pytest.mark.parametrize("push", [-1.0, -0.2])  # the second one slides as a whole and opens
+def test_nothing_yet_has_the_derivative_that_is_the_whole_answer(scene, push):
+    """At no load every point is a kink; answers grow with their load, so each is the derivative."""
+    dim, law = LOADED[scene]
+    basis = rectangle(np.linspace(0, 2, 9), np.linspace(0, 1, 5))
+    basis = box(-1.0, 1.0, 0.0, 1.0, (4, 4, 3)) if dim == 3 else basis
+    body = sc.Body(basis, linear_elasticity(1.0, 0.7), D="top", name="up")
+    floor = sc.RigidPlane((0,) * dim, np.eye(dim)[-1], name="floor")
+    foot = sc.Contact(body.surface("bottom"), floor, friction=law, name="foot")
+    solver = sc.ContactSolver(body, foot, options=sc.Options(tolerance=1e-14))
+    along, top = np.zeros(basis.N), basis.get_dofs("top")
+    for k, way in enumerate((0.3, 0.1, push)[3 - dim :]):
+        along[top.all(f"u^{k + 1}")] = way
+    along[top.all(f"u^{dim}")] *= 1 + 0.6 * basis.doflocs[0, top.all(f"u^{dim}")]
+    whole, none = (solver.solve(x={"up": size * along}) for size in (0.01, 0.0))
+    assert len(none.linearized.kinks) == len(none.pressure)
+    for side in (1, -1):
+        by = sc.Parameter("displacement", "up", along=side * along)
+        found = none.sensitivity(by, side=side)
+        for name in ("pressure", "tangential_force", "slip", "u", "force"):
+            wanted = side * getattr(whole, name) / 0.01
+            assert_allclose(getattr(found, name), wanted, atol=1e-11 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("seed, dim, close", [(3, 2, 1e-9), (11, 3, CLOSE)])
+def test_a_step_in_which_nothing_moves_has_kinks(seed, dim, close):
     """At a reversal points that slipped go on, or stick: each side has its own derivative."""
-    state = State(3, 2)
+    state = State(seed, dim)
     ways = [*state.ways, state.ways[-1]]
 
     def at(t):
-        last = (ways[-1][0] + t, ways[-1][1])
+        last = (ways[-1][0] + t, *ways[-1][1:])
         return list(state.as_it_is.history([{"x": {"up": {"top": w}}} for w in (*ways[:-1], last)]))
 
     assert len(at(0.0)[-1].linearized.kinks) > 0
-    assert sides_differ(at, along_top(state, 0)) < 1e-9
+    assert sides_differ(at, along_top(state, 0)) < close
 
 
 # -- the tangent itself ---------------------------------------------------------------------------
@@ -575,8 +610,11 @@ def test_two_hundred_random_states():
 def test_twenty_kinks():
     """Each side's own derivative, where points begin to slip, stick, open and close."""
     found = kinked(range(14), 0, 0.006, same_status) + kinked(range(4, 14), 1, 0.004, still_open)
-    assert len(found) >= 20
-    assert max(found) < CLOSE
+    space = kinked(range(12), 0, 0.006, same_status, 3) + kinked(
+        (5, 6, 13, 15), 2, 0.004, still_open, 3
+    )
+    assert len(found) >= 20 and len(space) >= 20
+    assert max(found + space) < CLOSE
 
 
 @pytest.mark.slow

@@ -119,20 +119,39 @@ class Rates:
         return found if weights.u is None else found + float(weights.u @ self.u)
 
 
-def forward(tangent: Tangent, change: Change, before: Carried | None) -> Rates:
+@dataclass(eq=False)
+class Way:
+    """What points do whose statuses are not those of the tangent, which holds them.
+
+    Attributes
+    ----------
+    gap : ndarray, shape (m,), slip : ndarray, shape (m, d-1)
+        Their rates; zero, and those of the step before, at all other points.
+    closed : ndarray of bool, shape (m,)
+    """
+
+    gap: Array
+    slip: Array
+    closed: NDArray[np.bool_]
+
+
+def forward(tangent: Tangent, change: Change, before: Carried | None, way: Way | None = None) -> Rates:
     """Derivatives of an answer by a number, from those of the answer before (None: it has none)."""
-    answer, closed = tangent.answer, tangent.closed
-    last = before or Carried.none(answer)
+    answer, last = tangent.answer, before or Carried.none(tangent.answer)
+    way = way or Way(np.zeros(len(last.slip)), last.slip, tangent.closed)
+    closed = way.closed
     offset = tangent.friction(change.friction, last.tangential_force, last.slip - last.reference)
-    conditions = replace(tangent.conditions, offset=offset, anchor=last.slip)
+    conditions = replace(tangent.conditions, offset=offset, anchor=way.slip)
     with single_threaded():
         load, (zone, key) = tangent.problem.other_load(change.case), tangent.zone
+        load.gap0 = load.gap0 - way.gap
         found = zone.solve(conditions, load, key)
+    found.gap = found.gap + way.gap
     reference = np.where(closed[:, None], last.reference, found.slip)
     bound = tangent.bound_slope * found.normal_force + np.where(closed, change.bound, 0.0)
-    way, along, G = _lost(tangent)
+    length, along, G = _lost(tangent)
     moved = found.slip - last.slip - (found.tangential_force - last.tangential_force) / G
-    rate = 0.5 * (bound + last.bound) * way + np.sum(along * moved, axis=1)
+    rate = 0.5 * (bound + last.bound) * length + np.sum(along * moved, axis=1)
     lost = np.array([rate[part].sum() for part in answer.model.interface.point_slices])
     carried = Carried(found.slip, found.tangential_force, reference, bound)
     return Rates(answer, tangent, change, load, found, carried, lost)

@@ -275,11 +275,6 @@ class Tangent:
         return np.asarray(self._apart <= SOLVED * self.largest_force)
 
     @cached_property
-    def switched(self) -> Mask:
-        """Points that `with_statuses` has given another status, (m,)."""
-        return np.zeros(len(self.status), dtype=bool)
-
-    @cached_property
     def slid(self) -> Mask:
         """Points whose slip in the step is more than round-off, (m,): it tells where friction acts."""
         resisted = self.problem.resistance.tangential * lengths(self.answer.plastic_slip)
@@ -292,21 +287,16 @@ class Tangent:
         forces = np.maximum(np.abs(local.normal_force), lengths(local.tangential_force))
         return largest(forces) or 1.0
 
-    def with_statuses(self, other: dict[int, tuple[int, Array]]) -> Tangent:
-        """The tangent with other statuses of some points, and the directions in which they slip."""
-        new, frictional = copy(self), self.answer.model.interface.frictional
-        slope = self.rule.slope(np.maximum(self.local.normal_force, 0.0), self.local.slip)
-        new.closed, new.stick, new.slips = self.closed.copy(), self.stick.copy(), self.slips.copy()
-        direction, by_normal = self.direction.copy(), self.slope.copy()
-        new.switched, by_map = self.switched.copy(), self.slopes.by_map.copy()
-        for i, (status, way) in other.items():
-            new.closed[i], new.slips[i] = status != OPEN, status == SLIP
-            new.stick[i] = status == STICK and frictional[i]
-            new.switched[i], direction[i] = True, way
-            by_normal[i], by_map[i] = slope[i] * way, np.eye(len(way)) * (status == SLIP)
-        new.direction, new.slopes = direction, replace(self.slopes, by_normal=by_normal, by_map=by_map)
-        for name in set(vars(new)) & {"conditions", "presses", "bound_slope", "bound", "K", "T", "W"}:
-            del vars(new)[name]
+    def holding(self, closed: Index, stick: Index) -> Tangent:
+        """The tangent with these points closed, and these stuck, whose friction is what holds them."""
+        new, slopes = copy(self), self.slopes
+        new.closed, new.stick = self.closed.copy(), self.stick.copy()
+        new.closed[closed] = new.stick[stick] = True
+        free = ~np.isin(np.arange(len(self.closed)), closed)
+        names = "spring", "by_trial", "by_slip", "by_map", "by_normal"
+        own = {name: (getattr(slopes, name).T * free).T for name in names}
+        new.slopes = replace(slopes, **own)
+        vars(new).pop("conditions", None)
         return new
 
     def solve(self, force: ArrayLike) -> Array:
