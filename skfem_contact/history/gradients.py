@@ -123,9 +123,14 @@ def solved(
     results = list(solver.history(steps, start=start))
     if not results:
         raise InputError("steps are empty: there is nothing to differentiate")
-    answers, tangents = [answer_of(result) for result in results], list[Tangent]()
-    for answer in answers:
-        tangents.append(Tangent(answer, tangents[0].zones if tangents else None))
+    answers, zones, tangents = (
+        [answer_of(result) for result in results],
+        dict[int, Any](),
+        list[Tangent](),
+    )
+    for answer in answers:  # of the same bodies: steps that tighten bolts have others
+        tangents.append(Tangent(answer, zones.get(id(answer.model))))
+        zones.setdefault(id(answer.model), tangents[-1].zones)
     if any(p.kind in ("stiffness", "scene") for p in by):
         recover_all(answers)
     return results, tangents

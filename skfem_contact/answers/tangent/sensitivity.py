@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,14 @@ from skfem_contact.errors import InputError
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 AT_CONTACT = "gap", "normal_force", "pressure", "slip", "tangential_force", "force"
-AT_ALL = "u", "displacement", "dissipation"
+AT_ALL = "u", "displacement", "dissipation", "bolts"
+
+
+class BoltRates(NamedTuple):
+    """Derivatives of a bolt: of its force, and of the length by which it is drawn shorter."""
+
+    force: float
+    stretch: float
 
 
 def _its(quantity: str, words: str) -> Any:
@@ -72,6 +79,15 @@ class Sensitivity:
     def u(self) -> Array:
         """Of the displacements of all bodies, shape (n,)."""
         return self._sign * self._rates.u / self._rates.answer.system.units
+
+    @property
+    def bolts(self) -> dict[str, BoltRates]:
+        """Of the forces and stretches of bolts, by name."""
+        rates = self._rates
+        both = zip(self._sign * rates.tension, self._sign * rates.carried.shift, strict=True)
+        return dict(
+            zip(rates.answer.bolt_names, (BoltRates(*map(float, b)) for b in both), strict=True)
+        )
 
     def displacement(self, body: Any) -> Array:
         """Of the displacements of one body, shape (n_body,)."""
@@ -203,6 +219,8 @@ def weights_of(answer: Answer, given: Any) -> Weights:
             _by_displacement(answer, out, key, value)
         elif key == "dissipation":
             out.lost += float(value)
+        elif key == "bolts":
+            _by_bolts(answer, out, value)
         elif key in answer.names and isinstance(value, Mapping):
             i = answer.names.index(key)
             for what, own in value.items():
@@ -216,6 +234,19 @@ def weights_of(answer: Answer, given: Any) -> Weights:
             known = ", ".join((*AT_CONTACT, *AT_ALL, *answer.names))
             raise InputError(f"derivatives by a result name {key!r}; they may name {known}")
     return out
+
+
+def _by_bolts(answer: Answer, out: Weights, given: Any) -> None:
+    parts = {"force": out.tension, "stretch": out.stretch}
+    for name, own in given.items() if isinstance(given, Mapping) else [(given, {})]:
+        if name not in answer.bolt_names or not isinstance(own, Mapping) or not set(own) <= set(parts):
+            known = ", ".join(answer.bolt_names) or "none"
+            raise InputError(
+                f"the derivative by bolts is {shown(given)}; give one by force or stretch, "
+                f"{{'bolt 1': {{'force': 1.0}}}}. Bolts of the solver: {known}"
+            )
+        for what, value in own.items():
+            parts[what][answer.bolt_names.index(name)] += float(value)
 
 
 def _by_displacement(answer: Answer, out: Weights, key: str, value: Any) -> None:

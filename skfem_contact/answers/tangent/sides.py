@@ -70,7 +70,7 @@ class Verge:
         self.touches = tangent.touching[at] & (compliance.normal_rows[at] >= 0)
         if self.rubs.any() and not tangent.rule.steady:
             raise InputError(
-                "side: bounds of friction that change with the slip have no derivatives to either side. "
+                "side: bounds of friction that change with the slip have no one-sided derivatives. "
                 "Take Coulomb, OrthotropicCoulomb or Tresca, or move the load a little off the kink."
             )
         self.at, self.last, self.held = at, last, tangent.holding(at, at[self.rubs])
@@ -192,9 +192,9 @@ class Verge:
         return np.asarray(self._parts_or_meets() | slides)
 
     def _turn(self) -> bool:
-        """Let friction be along the trial force where points slip; whether that is another direction."""
+        """Let friction be along the trial force where points slip; return whether any turned."""
         turned = False
-        for i in np.flatnonzero(self.turns & self.slips & ~self.open):
+        for i in np.flatnonzero(self.turns & self.slips & ~self.open).tolist():
             x = self._trial(i)[1]
             way = x / max(np.linalg.norm(x), TINY)
             turned |= bool(np.linalg.norm(way - self.direction[i]) > SOLVED)

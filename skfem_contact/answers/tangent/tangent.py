@@ -25,7 +25,7 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -73,6 +73,26 @@ class Slopes:
     by_map: Array
     by_normal: Array
     trial: Array
+
+
+class Tightness(NamedTuple):
+    """The bolts in a load step: their forces ``N = P u + k d`` and stretches d.
+
+    Attributes
+    ----------
+    P, slides : csr_matrix, shape (b, n)
+        [force/length], [1]
+    k : ndarray, shape (b,)
+        [force/length]
+    given, kept : ndarray of bool, shape (b,)
+        Bolts whose force is given, and those that keep the stretch of the step before.
+    """
+
+    P: csr_matrix
+    slides: csr_matrix
+    k: Array
+    given: Mask
+    kept: Mask
 
 
 class Tangent:
@@ -131,6 +151,15 @@ class Tangent:
             # where nothing has slipped yet no direction turns: as if it stuck, and a kink
             still = self.slips & exact & ~self.slid
             self.slips, self.stick = self.slips & ~still, self.stick | still
+
+    @cached_property
+    def bolts(self) -> Tightness | None:
+        """What bolts do in the step; None without any."""
+        answer = self.answer
+        held, bolts = answer.case.bolts, answer.bolts
+        if bolts is None or held is None or held.kept is None or not bolts.names:
+            return None
+        return Tightness(bolts.pulls, bolts.slides, bolts.k, held.given, held.kept)
 
     @cached_property
     def status(self) -> NDArray[np.intp]:
@@ -427,9 +456,6 @@ def refuse(answer: Answer) -> None:
         "conditions of its points depend on each other, so that forces are not unique. Let contacts "
         "share no edge, and make a held tool no finer than what it presses": answer.springs,
         "a body may stand elsewhere as well. Prescribe a DOF (D=...)": answer.indifferent,
-        "the stretch of bolts is handed on from step to step, and not differentiated": (
-            answer.bolts is not None and answer.bolts.names
-        ),
         "a material has internal variables, which are not differentiated": any(
             getattr(body, "initial_state", None) for body in model.system.bodies
         ),
