@@ -235,12 +235,12 @@ def test_rigid_bodies_have_a_mass(height):
     free = np.setdiff1d(np.arange(column.n + 3), np.concatenate([column.D, top.all()]))
     T = T[:, free]
     K, M = (
-        np.block([[A.toarray(), np.zeros((column.n, 3))], [np.zeros((3, column.n)), own]])
-        for A, own in ((column.K, np.diag(springs)), (column.mass, mass))
+        np.block([[A.toarray(), np.zeros((column.n, 3))], [np.zeros((3, column.n)), B]])
+        for A, B in ((column.K, np.diag(springs)), (column.mass, mass))
     )
     wanted = frequencies(T.T @ K @ T, T.T @ M @ T, 5)
-    for own in found:
-        assert_allclose(own, wanted, rtol=1e-9)
+    for frequency in found:
+        assert_allclose(frequency, wanted, rtol=1e-9)
     with pytest.raises(sc.InputError, match="masses are >= 0"):
         sc.RigidBody(down, mass=(1.0, -1.0, 1.0), **given)
     bare = sc.RigidBody(down, name="bare", **given)
