@@ -145,7 +145,8 @@ knots = np.linspace(0, height, 7)
 profiles = np.array([np.interp(z, knots, row) for row in np.eye(len(knots))])
 share = np.trapezoid(np.array([np.interp(middle, knots, row) for row in np.eye(len(knots))]), middle)
 share = share / share.sum()  # of each number in the mean interference
-unit, known = 1e-2, {}
+unit = 1e-2
+known: dict[bytes, sc.Jacobian] = {}
 slopes = np.diff(np.eye(len(knots)), axis=0) * unit / (np.diff(knots)[:, None] * steepest)
 slopes = np.concatenate([slopes, -slopes])
 
