@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import importlib.util
 import pickle
+import re
+import textwrap
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -375,6 +379,25 @@ def test_kinks_have_a_derivative_to_either_side():
     assert max(kinked((2,), 0, 0.006, same_status, dim=3)) < CLOSE
 
 
+def test_units_do_not_move_kinks():
+    """Nothing is loaded yet and a gap is left: forces of 1e-12 and of 1e9 have the same derivatives."""
+    found = []
+    for length, force in ((1.0, 1.0), (1e-3, 1e-12), (1e3, 1e9)):
+        x = length * np.linspace(0, 2, 9)
+        basis = rectangle(x, length * np.linspace(0, 1, 5))
+        body = sc.Body(basis, linear_elasticity(force, 0.7 * force), D="top", name="up")
+        floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        gap = lambda x: 0.001 * length * (x[0] > length)  # noqa: B023, E731
+        foot = sc.Contact(body.surface("bottom"), floor, friction=sc.Coulomb(0.3), gap=gap, name="foot")
+        along = np.zeros(basis.N)
+        along[basis.get_dofs("top").all("u^2")] = -length
+        result = sc.ContactSolver(body, foot).solve()
+        assert len(result.linearized.kinks) == 5
+        by = sc.Parameter("displacement", "up", along=along)
+        found.append(result.sensitivity(by, side=1).pressure / force)
+    assert_allclose(found, [found[0]] * 3, atol=1e-12 * found[0].max())
+
+
 LOADED = {
     "plane": (2, sc.Coulomb(0.3)),
     "space": (3, sc.Coulomb(0.3)),
@@ -677,6 +700,30 @@ def test_wrong_questions_are_refused():
     smooth = pressed().solve(x={"block": {"top": (0.0, -0.01)}})
     with pytest.raises(sc.InputError, match="without friction nothing tangential"):
         smooth.sensitivity("gap").slip  # noqa: B018
+
+
+@pytest.mark.skipif(importlib.util.find_spec("jax") is None, reason="needs JAX")
+def test_jax_takes_the_gradient():
+    """The recipe of the page as it stands there, within a function of jax, against differences."""
+    import jax
+
+    page = (Path(__file__).parents[1] / "docs" / "derivatives.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    known = {"jax": jax}
+    for code in (blocks[0], blocks[-1], textwrap.dedent(page[page.index("    @jax.custom_vjp") :])):
+        exec(code, known)
+
+    def cost(x):
+        return (x**2).sum() + 1e3 * known["lost"](2 * x)
+
+    x, h, before = np.array([0.001, 0.004, 0.012]), 1e-6, jax.config.jax_enable_x64
+    jax.config.update("jax_enable_x64", True)
+    try:
+        found = jax.jit(jax.grad(cost))(jax.numpy.array(x))
+        ends = [[float(cost(x + side * h * e)) for side in (-1, 1)] for e in np.eye(3)]
+    finally:
+        jax.config.update("jax_enable_x64", before)
+    assert_allclose(found, [(high - low) / (2 * h) for low, high in ends], rtol=CLOSE)
 
 
 # -- many -----------------------------------------------------------------------------------------

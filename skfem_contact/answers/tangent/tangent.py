@@ -311,10 +311,11 @@ class Tangent:
 
     @cached_property
     def largest_force(self) -> float:
-        """The largest force of a point, one where there is none [force]."""
+        """The largest force of a point; without any, what would close the largest gap [force]."""
         local = self.local
         forces = np.maximum(np.abs(local.normal_force), lengths(local.tangential_force))
-        return largest(forces) or 1.0
+        apart = np.where(np.isfinite(local.gap), local.gap, 0.0) * self.problem.resistance.normal
+        return largest(forces) or largest(np.nan_to_num(apart, posinf=0.0)) or 1.0
 
     def holding(self, closed: Index, stick: Index) -> Tangent:
         """The tangent with these points closed, and these stuck, whose friction is what holds them."""
