@@ -398,6 +398,26 @@ def test_units_do_not_move_kinks():
     assert_allclose(found, [found[0]] * 3, atol=1e-12 * found[0].max())
 
 
+@pytest.mark.parametrize("seed, law", [(3, sc.Coulomb), (3, LAWS["stiffness"])])
+def test_kinks_by_the_coefficient(seed, law):
+    """Where points begin to slip, after steps that depend on the coefficient too."""
+    state = State(seed, 2, law)
+    state.ways = [*state.ways[:-1], (0.7 * state.ways[-1][0], state.ways[-1][1]), state.ways[-1]]
+    t = max(kink(state, 0, 0.006, same_status))
+    assert len(pushed(state, 0, t)[-1].linearized.kinks) == 1
+    steps = [{"x": {"up": {"top": tuple(way)}}} for way in state.ways]
+    steps[-1] = {"x": {"up": {"top": (state.ways[-1][0] + t, state.ways[-1][1])}}}
+    for side in (1, -1):
+        h = side * 4e-5  # round-off of answers over it is 1e-9 of the derivative
+        results = [list(state.solver("friction", k * h).history(steps)) for k in range(4)]
+        found = forward(results[0], sc.Parameter("friction"), side)
+        values = [quantities(own[-1]) for own in results]
+        for name in ("force", "pressure", "u"):
+            f = [own[name] for own in values]
+            wanted = (-11 * f[0] + 18 * f[1] - 9 * f[2] + 2 * f[3]) / (6 * h)
+            assert_allclose(getattr(found, name), wanted, atol=CLOSE * np.abs(wanted).max())
+
+
 LOADED = {
     "plane": (2, sc.Coulomb(0.3)),
     "space": (3, sc.Coulomb(0.3)),
@@ -544,9 +564,10 @@ def test_a_body_that_friction_alone_holds():
 # -- bolts -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("again", [False, True])
 @pytest.mark.parametrize("given", ["force", "stretch"])
-def test_bolts_have_the_derivatives_of_springs(given):
-    """A rod between two walls is tightened, then one moves: closed forms, forwards and backwards."""
+def test_bolts_have_the_derivatives_of_springs(given, again):
+    """A rod between two walls is tightened, one moves, and it is tightened again: closed forms."""
     k, size, way = 20.0, {"force": 10.0, "stretch": 0.5}[given], 0.05
     basis = rectangle(np.linspace(0, 1, 3), np.linspace(0, 50, 11))
     rod = sc.Body(basis, linear_elasticity(0.0, 500.0), D=["bottom", "top"], name="rod")
@@ -560,6 +581,11 @@ def test_bolts_have_the_derivatives_of_springs(given):
         "displacement": (k * way, 0.0),
         "stiffness": (k * way, -size / k) if given == "force" else (k * (size + way), 0.0),
     }
+    if again:
+        size = 2 * size
+        steps.append({"bolt": {"M": {given: size}}})
+        wanted["displacement"] = (0.0, -way) if given == "force" else (k * way, 0.0)
+        wanted["stiffness"] = (0.0, -size / k) if given == "force" else (k * (size + way), 0.0)
     by = [sc.Parameter(kind) for kind in wanted]
     results = list(solver.history(steps))
     for parameter, (force, stretch) in zip(by, wanted.values(), strict=True):
@@ -567,7 +593,7 @@ def test_bolts_have_the_derivatives_of_springs(given):
         assert found.force == pytest.approx(force, rel=1e-9, abs=1e-9)
         assert found.stretch == pytest.approx(stretch, rel=1e-9, abs=1e-15)
     for what, column in (("force", 0), ("stretch", 1)):
-        last = [None, {"bolts": {"M": {what: 1.0}}}]
+        last = [*[None] * (len(steps) - 1), {"bolts": {"M": {what: 1.0}}}]
         vector = solver.gradient(lambda r: (0.0, last), steps, by=by).vector  # noqa: B023
         goal = [values[column] for values in wanted.values()]
         assert_allclose(vector, goal, rtol=1e-9, atol=1e-9 * max(np.abs(goal)))
