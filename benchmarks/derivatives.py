@@ -21,7 +21,7 @@ from scipy.sparse.linalg import eigsh
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.tangent.tangent import held_rows
-from skfem_contact.elimination.eliminate import eliminate
+from skfem_contact.elimination.transformation import eliminate
 from skfem_contact.history.gradients import gradient
 
 
@@ -69,9 +69,9 @@ def gradients(rounds: int = 15) -> tuple[float, float]:
     solver = scene((120, 22, 145, 21))
     turns = 0.004 * np.sin(np.linspace(0, 2 * np.pi, 51)[1:])
     steps = [{"x": {"up": {"top": (turn, -0.012)}}} for turn in turns]
-    by = sc.Parameter("interference", field=True, each_step=True)
+    by = sc.answers.Parameter("interference", field=True, each_step=True)
 
-    def objective(results: list[sc.ContactResult]) -> Any:
+    def objective(results: list[sc.answers.ContactResult]) -> Any:
         return 0.0, [{"pressure": 2 * r.pressure, "slip": r.slip} for r in results]
 
     system, kin = solver.system, solver.kin
@@ -83,7 +83,7 @@ def gradients(rounds: int = 15) -> tuple[float, float]:
 
     times: list[list[float]] = [[], [], []]
     for _ in range(rounds):
-        results: list[sc.ContactResult] = []
+        results: list[sc.answers.ContactResult] = []
         times[0].append(spent(lambda: results.extend(solver.history(steps))))  # noqa: B023
         times[1].append(spent(lambda: gradient(results, objective, (by,))))  # noqa: B023
         times[2].append(spent(linear))

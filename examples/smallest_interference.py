@@ -120,7 +120,7 @@ def told(solver, steps, profiles, sizes):
     global histories
     histories += 1
     first = steps[0] | {"interference": {"fit": sizes @ profiles}}
-    by = [sc.Parameter("interference", of="fit", along=profile) for profile in profiles]
+    by = [sc.answers.Parameter("interference", of="fit", along=profile) for profile in profiles]
     return solver.jacobian(observe, [first, *steps[1:]], by=by)
 
 
@@ -146,7 +146,7 @@ profiles = np.array([np.interp(z, knots, row) for row in np.eye(len(knots))])
 share = np.trapezoid(np.array([np.interp(middle, knots, row) for row in np.eye(len(knots))]), middle)
 share = share / share.sum()  # of each number in the mean interference
 unit = 1e-2
-known: dict[bytes, sc.Jacobian] = {}
+known: dict[bytes, sc.history.Jacobian] = {}
 slopes = np.diff(np.eye(len(knots)), axis=0) * unit / (np.diff(knots)[:, None] * steepest)
 slopes = np.concatenate([slopes, -slopes])
 

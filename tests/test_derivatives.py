@@ -75,7 +75,7 @@ def test_derivatives_are_those_of_differences():
 
 
 @dataclass(frozen=True, eq=False)
-class Power(sc.FrictionLaw):
+class Power(sc.conditions.FrictionLaw):
     """A bound that grows less than the pressure, with its slope."""
 
     mu: float = 0.3
@@ -89,7 +89,7 @@ class Power(sc.FrictionLaw):
 
 
 @dataclass(frozen=True, eq=False)
-class Growing(sc.FrictionLaw):
+class Growing(sc.conditions.FrictionLaw):
     """A bound that grows with the slip, with its slope by the normal force."""
 
     mu: float = 0.3
@@ -128,7 +128,7 @@ def test_slips_turn_on_springs():
 
 def test_ellipses_have_derivatives():
     """Friction with two coefficients, which is not along the slip."""
-    law = lambda mu: sc.OrthotropicCoulomb((mu, 0.4 * mu), (1.0, 0.3, 0.0))  # noqa: E731
+    law = lambda mu: sc.conditions.OrthotropicCoulomb((mu, 0.4 * mu), (1.0, 0.3, 0.0))  # noqa: E731
     state = State(0, 3, law)
     assert any(np.any(r.status == 2) for r in state.history())
     assert worst(state, "displacement", 1e-4) < CLOSE
@@ -164,7 +164,7 @@ def test_points_that_are_left_out_count():
     )
     solver, steps = sc.ContactSolver(bodies, joint), [0.5, 1.0]
     along = np.random.default_rng(0).uniform(-1, 1, 50)
-    by = sc.Parameter("gap", along=along), sc.Parameter("load")
+    by = sc.answers.Parameter("gap", along=along), sc.answers.Parameter("load")
     found = solver.gradient(whole, steps, by=by)
     assert np.count_nonzero(found.results[-1].status) < 25
     wanted = [by_hand(found.results, p, whole(found.results)[1]) for p in by]
@@ -183,10 +183,10 @@ def test_fields_are_sums_of_numbers():
         of = "up" if size == n else "joint"
         along = draw.uniform(-1, 1, size)
         fields = [
-            sc.Parameter(kind, of, field=True),
-            sc.Parameter(kind, of, field=True, each_step=True),
+            sc.answers.Parameter(kind, of, field=True),
+            sc.answers.Parameter(kind, of, field=True, each_step=True),
         ]
-        found = solver.gradient(whole, steps, by=[*fields, sc.Parameter(kind, of, along=along)])
+        found = solver.gradient(whole, steps, by=[*fields, sc.answers.Parameter(kind, of, along=along)])
         field, each, wanted = found.parts
         assert each.shape == (len(steps), size)
         assert_allclose(each.sum(axis=0), field, rtol=1e-12, atol=1e-12 * np.abs(field).max())
@@ -212,9 +212,9 @@ def test_loads_and_tools_by_differences():
     solver, steps = history(0.0, 0.0)
     results = list(solver.history(steps))
     assert sorted(set(results[-1].status)) == [1, 2]
-    move = sc.Parameter("motion", of="floor", along=(1.0, 2.0))
+    move = sc.answers.Parameter("motion", of="floor", along=(1.0, 2.0))
     found = (
-        forward(results, sc.Parameter("load", of="block", along=load)),
+        forward(results, sc.answers.Parameter("load", of="block", along=load)),
         results[-1].sensitivity(move),
     )
     for k, own in enumerate(found):
@@ -245,7 +245,10 @@ def test_supports_that_reach_into_the_contact(dim):
     def steps(t):
         return [{"x": {"up": share * push + t * along}} for share in (0.6, 1.0)]
 
-    by = sc.Parameter("displacement", "up", along=along), sc.Parameter("displacement", "up", field=True)
+    by = (
+        sc.answers.Parameter("displacement", "up", along=along),
+        sc.answers.Parameter("displacement", "up", field=True),
+    )
     found = solver.gradient(whole, steps(0.0), by=by)
     values = found.results[-1]
     assert np.all(values.status[values.points[:, 0] == -0.6] == 2)
@@ -262,7 +265,9 @@ def test_a_scene_tells_what_its_number_does():
     results = state.history()
     for by in ("friction", "stiffness", "interference"):
         h = 1e-4 if by != "interference" else 1e-6
-        scene = sc.Parameter("scene", between=(state.solver(by, -h), state.solver(by, h), 2 * h))
+        scene = sc.answers.Parameter(
+            "scene", between=(state.solver(by, -h), state.solver(by, h), 2 * h)
+        )
         one, other = forward(results, scene), forward(results, state.parameter(by))
         for name in QUANTITIES:
             wanted = np.asarray(getattr(other, name))
@@ -297,7 +302,7 @@ def test_place_of_nodes(seed):
     """A scene whose nodes move, by two others that are not solved; forwards and backwards."""
     state, p, width = State(seed, 2), 0.3, 1e-4
     state.mu = 0.1
-    by = sc.Parameter(
+    by = sc.answers.Parameter(
         "scene", between=(moved(state, p - width / 2), moved(state, p + width / 2), width)
     )
     found = moved(state, p).gradient(whole, state.steps(), by=by)
@@ -334,7 +339,7 @@ def along_top(state, component):
     """The displacement of the top of the upper block along an axis."""
     basis, along = state.bases[1], np.zeros(state.bases[1].N)
     along[basis.get_dofs("top").all(f"u^{component + 1}")] = 1.0
-    return sc.Parameter("displacement", of="up", along=along)
+    return sc.answers.Parameter("displacement", of="up", along=along)
 
 
 def sides_differ(at, by):
@@ -393,7 +398,7 @@ def test_units_do_not_move_kinks():
         along[basis.get_dofs("top").all("u^2")] = -length
         result = sc.ContactSolver(body, foot).solve()
         assert len(result.linearized.kinks) == 5
-        by = sc.Parameter("displacement", "up", along=along)
+        by = sc.answers.Parameter("displacement", "up", along=along)
         found.append(result.sensitivity(by, side=1).pressure / force)
     assert_allclose(found, [found[0]] * 3, atol=1e-12 * found[0].max())
 
@@ -410,7 +415,7 @@ def test_kinks_by_the_coefficient(seed, law):
     for side in (1, -1):
         h = side * 4e-5  # round-off of answers over it is 1e-9 of the derivative
         results = [list(state.solver("friction", k * h).history(steps)) for k in range(4)]
-        found = forward(results[0], sc.Parameter("friction"), side)
+        found = forward(results[0], sc.answers.Parameter("friction"), side)
         values = [quantities(own[-1]) for own in results]
         for name in ("force", "pressure", "u"):
             f = [own[name] for own in values]
@@ -422,7 +427,7 @@ LOADED = {
     "plane": (2, sc.Coulomb(0.3)),
     "space": (3, sc.Coulomb(0.3)),
     "spring": (3, sc.Coulomb(0.3, stiffness=2.0)),
-    "ellipse": (3, sc.OrthotropicCoulomb((0.3, 0.15), (1.0, 0.3, 0.0))),
+    "ellipse": (3, sc.conditions.OrthotropicCoulomb((0.3, 0.15), (1.0, 0.3, 0.0))),
 }
 
 
@@ -444,7 +449,7 @@ def test_nothing_yet_has_the_derivative_that_is_the_whole_answer(scene, push):
     whole, none = (solver.solve(x={"up": size * along}) for size in (0.01, 0.0))
     assert len(none.linearized.kinks) == len(none.pressure)
     for side in (1, -1):
-        by = sc.Parameter("displacement", "up", along=side * along)
+        by = sc.answers.Parameter("displacement", "up", along=side * along)
         found = none.sensitivity(by, side=side)
         for name in ("pressure", "tangential_force", "slip", "u", "force"):
             wanted = side * getattr(whole, name) / 0.01
@@ -478,7 +483,9 @@ def test_the_matrices_give_the_same_derivatives(seed, dim):
     f = np.random.default_rng(0).uniform(-1, 1, n)
     f[result.system.D] = 0.0
     along = {b.name: f[result.system.slice(b)] for b in result.system.bodies}
-    loads = [result.sensitivity(sc.Parameter("load", of=k, along=v)).u for k, v in along.items()]
+    loads = [
+        result.sensitivity(sc.answers.Parameter("load", of=k, along=v)).u for k, v in along.items()
+    ]
     u = tangent.T @ np.linalg.solve(tangent.K_r.toarray(), tangent.W.T @ f)
     assert_allclose(u, sum(loads), atol=1e-9 * np.abs(u).max())
     assert_allclose(tangent.solve(f), u, atol=1e-9 * np.abs(u).max())
@@ -520,7 +527,7 @@ def test_where_everything_sticks_friction_is_not_told():
     found = state.solver().jacobian(observe, state.steps(), by=["friction", "stiffness"])
     assert found.rank == 1 and not found.matrix[:, 0].any()
     assert "do not depend on Parameter('friction'). No point slips" in found.words
-    both = [sc.Parameter("interference"), sc.Parameter("gap")]
+    both = [sc.answers.Parameter("interference"), sc.answers.Parameter("gap")]
     assert "1 combinations" in state.solver().jacobian(observe, state.steps(), by=both).words
 
 
@@ -533,9 +540,9 @@ def test_the_sparse_route_has_the_same():
     floor = sc.Contact(lower.surface("left"), sc.RigidPlane((0, 0), (1, 0)), name="wall")
     step = [{"x": {"upper": {"top": (-0.02, -0.01)}}}]
     found = []
-    for linear in ("condensed", sc.Direct()):
+    for linear in ("condensed", sc.linalg.Direct()):
         solver = sc.ContactSolver([lower, upper], [joint, floor], linear=linear)
-        by = [sc.Parameter("friction"), sc.Parameter("interference", of="wall")]
+        by = [sc.answers.Parameter("friction"), sc.answers.Parameter("interference", of="wall")]
         weights = {"joint": {"force": (1.0, 0.0)}, "wall": {"pressure": np.ones(5)}}
         found.append(solver.gradient(lambda r: (0.0, [weights]), step, by=by).vector)  # noqa: B023
     assert np.all(np.abs(found[0]) > 0)
@@ -586,7 +593,7 @@ def test_bolts_have_the_derivatives_of_springs(given, again):
         steps.append({"bolt": {"M": {given: size}}})
         wanted["displacement"] = (0.0, -way) if given == "force" else (k * way, 0.0)
         wanted["stiffness"] = (0.0, -size / k) if given == "force" else (k * (size + way), 0.0)
-    by = [sc.Parameter(kind) for kind in wanted]
+    by = [sc.answers.Parameter(kind) for kind in wanted]
     results = list(solver.history(steps))
     for parameter, (force, stretch) in zip(by, wanted.values(), strict=True):
         found = forward(results, parameter).bolts["M"]
@@ -599,13 +606,13 @@ def test_bolts_have_the_derivatives_of_springs(given, again):
         assert_allclose(vector, goal, rtol=1e-9, atol=1e-9 * max(np.abs(goal)))
     shift = 1e-3
     ends = [solver.with_stiffness("rod", (1 + s) * rod.K) for s in (-shift, shift)]
-    scene = forward(results, sc.Parameter("scene", between=(*ends, 2 * shift))).bolts["M"]
+    scene = forward(results, sc.answers.Parameter("scene", between=(*ends, 2 * shift))).bolts["M"]
     assert_allclose(scene, wanted["stiffness"], rtol=1e-6, atol=1e-12)
     for bolts in ({"N": {"force": 1.0}}, {"M": {"bend": 1.0}}, 1.0):
-        with pytest.raises(sc.InputError, match="Bolts of the solver: M"):
+        with pytest.raises(sc.errors.InputError, match="Bolts of the solver: M"):
             results[0].sensitivity("load").dot({"bolts": bolts})
-    with pytest.raises(sc.InputError, match="no such bolt; there are M"):
-        results[0].sensitivity(sc.Parameter("bolt_force", of="N"))
+    with pytest.raises(sc.errors.InputError, match="no such bolt; there are M"):
+        results[0].sensitivity(sc.answers.Parameter("bolt_force", of="N"))
 
 
 @pytest.mark.slow
@@ -635,7 +642,7 @@ def test_a_bolted_joint_has_the_derivatives_of_differences():
     solver, steps = history()
     results = list(solver.history(steps))
     for kind, value in start.items():
-        by, h = sc.Parameter(kind, of="bolt" if kind == "stiffness" else None), 1e-4 * value
+        by, h = sc.answers.Parameter(kind, of="bolt" if kind == "stiffness" else None), 1e-4 * value
         ends = []
         for k in (-2, -1, 1, 2):
             other, its = history(**{kind: value + k * h})
@@ -659,14 +666,14 @@ def test_a_bolted_joint_has_the_derivatives_of_differences():
 
 
 @dataclass(frozen=True, eq=False)
-class Bare(sc.FrictionLaw):
+class Bare(sc.conditions.FrictionLaw):
     def limit(self, normal_force, area, slip):
         return 0.3 * normal_force
 
 
 REFUSED = {
     "slides far": {"friction": sc.Coulomb(0.3), "sliding": "finite"},
-    "surfaces wear": {"friction": sc.Coulomb(0.3), "wear": sc.Archard(1e-3)},
+    "surfaces wear": {"friction": sc.Coulomb(0.3), "wear": sc.conditions.Archard(1e-3)},
     r"law Bare .* no slopes of its own": {"friction": Bare()},
 }
 
@@ -684,7 +691,7 @@ STEP = {"x": {"block": {"top": (0.002, -0.01)}}}
 def test_what_has_no_derivative_is_refused(words):
     """With the reason in words."""
     [result] = pressed(**REFUSED[words]).history([STEP])
-    with pytest.raises(sc.InputError, match=words):
+    with pytest.raises(sc.errors.InputError, match=words):
         result.linearized  # noqa: B018
 
 
@@ -693,7 +700,7 @@ def test_internal_variables_are_refused():
     basis = rectangle(np.linspace(0, 2, 5), np.linspace(0, 1, 3))
     body = sc.NonlinearBody(basis, sc.J2(1.0, 0.3, 0.1), D="top", name="block")
     solver = sc.ContactSolver(body, sc.Contact(body.surface("bottom"), FLOOR, interference=1e-4))
-    with pytest.raises(sc.InputError, match="internal variables"):
+    with pytest.raises(sc.errors.InputError, match="internal variables"):
         solver.solve().sensitivity("interference")
 
 
@@ -703,11 +710,13 @@ def test_wrong_questions_are_refused():
     [result] = solver.history([STEP])
     cases = {
         "may be one of friction": lambda: result.sensitivity("colour"),
-        "no such contact; there are 'foot'": lambda: result.sensitivity(sc.Parameter("gap", of="feet")),
-        "needed there": lambda: sc.Parameter("scene"),
-        "it has no `along`": lambda: sc.Parameter("gap", along=1.0, field=True),
-        "give the direction": lambda: sc.Parameter("motion"),
-        "is many numbers": lambda: result.sensitivity(sc.Parameter("gap", field=True)),
+        "no such contact; there are 'foot'": lambda: result.sensitivity(
+            sc.answers.Parameter("gap", of="feet")
+        ),
+        "needed there": lambda: sc.answers.Parameter("scene"),
+        "it has no `along`": lambda: sc.answers.Parameter("gap", along=1.0, field=True),
+        "give the direction": lambda: sc.answers.Parameter("motion"),
+        "is many numbers": lambda: result.sensitivity(sc.answers.Parameter("gap", field=True)),
         "side = 2": lambda: result.sensitivity("gap", side=2),
         "after is by": lambda: result.sensitivity("gap", after=result.sensitivity("friction")),
         r"has shape \(3,\), not \(5,\)": lambda: result.sensitivity("gap").dot({"gap": np.ones(3)}),
@@ -717,14 +726,14 @@ def test_wrong_questions_are_refused():
         "by is empty": lambda: solver.gradient(lambda r: (1.0, [None]), [STEP], by=[]),
         "steps are empty": lambda: solver.gradient(lambda r: (1.0, []), [], by="gap"),
         "for gradient": lambda: solver.jacobian(
-            lambda r: ([1.0], [None]), [STEP], by=sc.Parameter("gap", field=True)
+            lambda r: ([1.0], [None]), [STEP], by=sc.answers.Parameter("gap", field=True)
         ),
     }
     for words, ask in cases.items():
-        with pytest.raises(sc.InputError, match=words):
+        with pytest.raises(sc.errors.InputError, match=words):
             ask()
     smooth = pressed().solve(x={"block": {"top": (0.0, -0.01)}})
-    with pytest.raises(sc.InputError, match="without friction nothing tangential"):
+    with pytest.raises(sc.errors.InputError, match="without friction nothing tangential"):
         smooth.sensitivity("gap").slip  # noqa: B018
 
 
@@ -798,7 +807,7 @@ def test_a_gradient_costs_less_than_a_history():
     solver = sc.ContactSolver([low, up], joint)
     turns = 0.004 * np.sin(np.linspace(0, 2 * np.pi, 51)[1:])
     steps = [{"x": {"up": {"top": (turn, -0.012)}}} for turn in turns]
-    by = sc.Parameter("interference", field=True, each_step=True)
+    by = sc.answers.Parameter("interference", field=True, each_step=True)
 
     def objective(results):
         return 0.0, [{"pressure": 2 * r.pressure, "slip": r.slip} for r in results]
