@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import importlib.util
 import pickle
+import re
+import textwrap
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 import skfem as fem
-from bolted import upright
+from bolted import clamped, parts, pull_of
 from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 from rectangles import block, rectangle
@@ -359,11 +363,11 @@ def same_status(result):
     return result.status
 
 
-def kinked(seeds, component, far, still):
+def kinked(seeds, component, far, still, dim=2):
     """Largest deviation at the kinks of some states, and their number."""
     found = []
     for seed in seeds:
-        state = State(seed, 2)
+        state = State(seed, dim)
         for t in kink(state, component, far, still) or ():
             results = pushed(state, component, t)
             if len(results[-1].linearized.kinks) != 1:
@@ -377,19 +381,93 @@ def test_kinks_have_a_derivative_to_either_side():
     """Where a point begins to slip, and where one opens, on both sides of the change."""
     assert max(kinked((3,), 0, 0.006, same_status)) < CLOSE
     assert max(kinked((8,), 1, 0.004, still_open)) < CLOSE
+    assert max(kinked((2,), 0, 0.006, same_status, dim=3)) < CLOSE
 
 
-def test_a_step_in_which_nothing_moves_has_kinks():
+def test_units_do_not_move_kinks():
+    """Nothing is loaded yet and a gap is left: forces of 1e-12 and of 1e9 have the same derivatives."""
+    found = []
+    for length, force in ((1.0, 1.0), (1e-3, 1e-12), (1e3, 1e9)):
+        x = length * np.linspace(0, 2, 9)
+        basis = rectangle(x, length * np.linspace(0, 1, 5))
+        body = sc.Body(basis, linear_elasticity(force, 0.7 * force), D="top", name="up")
+        floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        gap = lambda x: 0.001 * length * (x[0] > length)  # noqa: B023, E731
+        foot = sc.Contact(body.surface("bottom"), floor, friction=sc.Coulomb(0.3), gap=gap, name="foot")
+        along = np.zeros(basis.N)
+        along[basis.get_dofs("top").all("u^2")] = -length
+        result = sc.ContactSolver(body, foot).solve()
+        assert len(result.linearized.kinks) == 5
+        by = sc.answers.Parameter("displacement", "up", along=along)
+        found.append(result.sensitivity(by, side=1).pressure / force)
+    assert_allclose(found, [found[0]] * 3, atol=1e-12 * found[0].max())
+
+
+@pytest.mark.parametrize("seed, law", [(3, sc.Coulomb), (3, LAWS["stiffness"])])
+def test_kinks_by_the_coefficient(seed, law):
+    """Where points begin to slip, after steps that depend on the coefficient too."""
+    state = State(seed, 2, law)
+    state.ways = [*state.ways[:-1], (0.7 * state.ways[-1][0], state.ways[-1][1]), state.ways[-1]]
+    t = max(kink(state, 0, 0.006, same_status))
+    assert len(pushed(state, 0, t)[-1].linearized.kinks) == 1
+    steps = [{"x": {"up": {"top": tuple(way)}}} for way in state.ways]
+    steps[-1] = {"x": {"up": {"top": (state.ways[-1][0] + t, state.ways[-1][1])}}}
+    for side in (1, -1):
+        h = side * 4e-5  # round-off of answers over it is 1e-9 of the derivative
+        results = [list(state.solver("friction", k * h).history(steps)) for k in range(4)]
+        found = forward(results[0], sc.answers.Parameter("friction"), side)
+        values = [quantities(own[-1]) for own in results]
+        for name in ("force", "pressure", "u"):
+            f = [own[name] for own in values]
+            wanted = (-11 * f[0] + 18 * f[1] - 9 * f[2] + 2 * f[3]) / (6 * h)
+            assert_allclose(getattr(found, name), wanted, atol=CLOSE * np.abs(wanted).max())
+
+
+LOADED = {
+    "plane": (2, sc.Coulomb(0.3)),
+    "space": (3, sc.Coulomb(0.3)),
+    "spring": (3, sc.Coulomb(0.3, stiffness=2.0)),
+    "ellipse": (3, sc.conditions.OrthotropicCoulomb((0.3, 0.15), (1.0, 0.3, 0.0))),
+}
+
+
+@pytest.mark.parametrize("scene", LOADED)
+@pytest.mark.parametrize("push", [-1.0, -0.2])  # the second one slides as a whole and opens
+def test_nothing_yet_has_the_derivative_that_is_the_whole_answer(scene, push):
+    """At no load every point is a kink; answers grow with their load, so each is the derivative."""
+    dim, law = LOADED[scene]
+    basis = rectangle(np.linspace(0, 2, 9), np.linspace(0, 1, 5))
+    basis = box(-1.0, 1.0, 0.0, 1.0, (4, 4, 3)) if dim == 3 else basis
+    body = sc.Body(basis, linear_elasticity(1.0, 0.7), D="top", name="up")
+    floor = sc.RigidPlane((0,) * dim, np.eye(dim)[-1], name="floor")
+    foot = sc.Contact(body.surface("bottom"), floor, friction=law, name="foot")
+    solver = sc.ContactSolver(body, foot, options=sc.Options(tolerance=1e-14))
+    along, top = np.zeros(basis.N), basis.get_dofs("top")
+    for k, way in enumerate((0.3, 0.1, push)[3 - dim :]):
+        along[top.all(f"u^{k + 1}")] = way
+    along[top.all(f"u^{dim}")] *= 1 + 0.6 * basis.doflocs[0, top.all(f"u^{dim}")]
+    whole, none = (solver.solve(x={"up": size * along}) for size in (0.01, 0.0))
+    assert len(none.linearized.kinks) == len(none.pressure)
+    for side in (1, -1):
+        by = sc.answers.Parameter("displacement", "up", along=side * along)
+        found = none.sensitivity(by, side=side)
+        for name in ("pressure", "tangential_force", "slip", "u", "force"):
+            wanted = side * getattr(whole, name) / 0.01
+            assert_allclose(getattr(found, name), wanted, atol=1e-11 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("seed, dim, close", [(3, 2, 1e-9), (11, 3, CLOSE)])
+def test_a_step_in_which_nothing_moves_has_kinks(seed, dim, close):
     """At a reversal points that slipped go on, or stick: each side has its own derivative."""
-    state = State(3, 2)
+    state = State(seed, dim)
     ways = [*state.ways, state.ways[-1]]
 
     def at(t):
-        last = (ways[-1][0] + t, ways[-1][1])
+        last = (ways[-1][0] + t, *ways[-1][1:])
         return list(state.as_it_is.history([{"x": {"up": {"top": w}}} for w in (*ways[:-1], last)]))
 
     assert len(at(0.0)[-1].linearized.kinks) > 0
-    assert sides_differ(at, along_top(state, 0)) < 1e-9
+    assert sides_differ(at, along_top(state, 0)) < close
 
 
 # -- the tangent itself ---------------------------------------------------------------------------
@@ -490,6 +568,100 @@ def test_a_body_that_friction_alone_holds():
     assert travelled.dissipation == pytest.approx(found.dissipation, rel=1e-9)
 
 
+# -- bolts -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("again", [False, True])
+@pytest.mark.parametrize("given", ["force", "stretch"])
+def test_bolts_have_the_derivatives_of_springs(given, again):
+    """A rod between two walls is tightened, one moves, and it is tightened again: closed forms."""
+    k, size, way = 20.0, {"force": 10.0, "stretch": 0.5}[given], 0.05
+    basis = rectangle(np.linspace(0, 1, 3), np.linspace(0, 50, 11))
+    rod = sc.Body(basis, linear_elasticity(0.0, 500.0), D=["bottom", "top"], name="rod")
+    side = sc.Contact(rod.surface("right"), sc.RigidPlane((2, 0), (-1, 0)))
+    bolt = sc.Bolt(rod, point=(0.5, 25), axis=(0, 1), name="M")
+    solver = sc.ContactSolver([rod], [side], bolts=[bolt])
+    steps = [{"bolt": {"M": {given: size}}}, {"x": {"rod": {"top": (0, way)}}}]
+    # N = F at first or k d, and then k way more; d = F / k, or given
+    wanted = {
+        "bolt_" + given: (1.0, 1 / k) if given == "force" else (k, 1.0),
+        "displacement": (k * way, 0.0),
+        "stiffness": (k * way, -size / k) if given == "force" else (k * (size + way), 0.0),
+    }
+    if again:
+        size = 2 * size
+        steps.append({"bolt": {"M": {given: size}}})
+        wanted["displacement"] = (0.0, -way) if given == "force" else (k * way, 0.0)
+        wanted["stiffness"] = (0.0, -size / k) if given == "force" else (k * (size + way), 0.0)
+    by = [sc.answers.Parameter(kind) for kind in wanted]
+    results = list(solver.history(steps))
+    for parameter, (force, stretch) in zip(by, wanted.values(), strict=True):
+        found = forward(results, parameter).bolts["M"]
+        assert found.force == pytest.approx(force, rel=1e-9, abs=1e-9)
+        assert found.stretch == pytest.approx(stretch, rel=1e-9, abs=1e-15)
+    for what, column in (("force", 0), ("stretch", 1)):
+        last = [*[None] * (len(steps) - 1), {"bolts": {"M": {what: 1.0}}}]
+        vector = solver.gradient(lambda r: (0.0, last), steps, by=by).vector  # noqa: B023
+        goal = [values[column] for values in wanted.values()]
+        assert_allclose(vector, goal, rtol=1e-9, atol=1e-9 * max(np.abs(goal)))
+    shift = 1e-3
+    ends = [solver.with_stiffness("rod", (1 + s) * rod.K) for s in (-shift, shift)]
+    scene = forward(results, sc.answers.Parameter("scene", between=(*ends, 2 * shift))).bolts["M"]
+    assert_allclose(scene, wanted["stiffness"], rtol=1e-6, atol=1e-12)
+    for bolts in ({"N": {"force": 1.0}}, {"M": {"bend": 1.0}}, 1.0):
+        with pytest.raises(sc.errors.InputError, match="Bolts of the solver: M"):
+            results[0].sensitivity("load").dot({"bolts": bolts})
+    with pytest.raises(sc.errors.InputError, match="no such bolt; there are M"):
+        results[0].sensitivity(sc.answers.Parameter("bolt_force", of="N"))
+
+
+@pytest.mark.slow
+def test_a_bolted_joint_has_the_derivatives_of_differences():
+    """In space with friction: tightened, pulled and let go, by five numbers; backwards is forwards."""
+    meshes = parts(fem.MeshHex)
+    start = {"bolt_force": 8e3, "friction": 0.2, "load": 1.0, "stiffness": 1.0}
+
+    def history(**other):
+        at = start | other
+        solver = clamped(meshes, mu=at["friction"])
+        bolt, upper, _ = solver.system.bodies
+        if at["stiffness"] != 1.0:
+            solver = solver.with_stiffness("bolt", at["stiffness"] * bolt.K)
+        f = at["load"] * pull_of(upper)
+        tight = {"bolt": {"M": {"force": at["bolt_force"]}}}
+        return solver, [tight, {"f": {"upper": f}}, {"f": {"upper": 0.5 * f}}]
+
+    def values(result):
+        bolt = result.bolts["M"]
+        return [[bolt.force], [bolt.stretch], result["joint"].force, result["joint"].slip, result.u]
+
+    def objective(results):
+        of = {"bolts": {"M": {"force": 1.0, "stretch": 1e5}}, "joint": {"force": (1.0, 2.0, 3.0)}}
+        return 0.0, [of | {"u": 1e5 * np.ones(len(r.u))} for r in results]
+
+    solver, steps = history()
+    results = list(solver.history(steps))
+    for kind, value in start.items():
+        by, h = sc.answers.Parameter(kind, of="bolt" if kind == "stiffness" else None), 1e-4 * value
+        ends = []
+        for k in (-2, -1, 1, 2):
+            other, its = history(**{kind: value + k * h})
+            ends.append(values(list(other.history(its))[-1]))
+        found = forward(results, by)
+        mine = [
+            *[[own] for own in found.bolts["M"]],
+            found.of("force", "joint"),
+            found.of("slip", "joint"),
+        ]
+        for own, *at in zip([*mine, found.u], *ends, strict=True):
+            less, low, high, more = map(np.asarray, at)
+            quotient = (8 * (high - low) - (more - less)) / (12 * h)
+            size = max(np.max(np.abs(quotient)), 1e-3 * np.max(np.abs(low)) / value)
+            assert np.max(np.abs(own - quotient)) < CLOSE * size, kind
+        backwards = solver.gradient(objective, steps, by=by).parts[0]
+        assert backwards == pytest.approx(by_hand(results, by, objective(results)[1]), rel=1e-10)
+
+
 # -- what has none --------------------------------------------------------------------------------
 
 
@@ -523,10 +695,8 @@ def test_what_has_no_derivative_is_refused(words):
         result.linearized  # noqa: B018
 
 
-def test_bolts_and_internal_variables_are_refused():
+def test_internal_variables_are_refused():
     """What is handed on from step to step, and not differentiated."""
-    with pytest.raises(sc.errors.InputError, match="stretch of bolts"):
-        upright()[0].sensitivity("load")
     basis = rectangle(np.linspace(0, 2, 5), np.linspace(0, 1, 3))
     body = sc.NonlinearBody(basis, sc.J2(1.0, 0.3, 0.1), D="top", name="block")
     solver = sc.ContactSolver(body, sc.Contact(body.surface("bottom"), FLOOR, interference=1e-4))
@@ -567,6 +737,30 @@ def test_wrong_questions_are_refused():
         smooth.sensitivity("gap").slip  # noqa: B018
 
 
+@pytest.mark.skipif(importlib.util.find_spec("jax") is None, reason="needs JAX")
+def test_jax_takes_the_gradient():
+    """The recipe of the page as it stands there, within a function of jax, against differences."""
+    import jax
+
+    page = (Path(__file__).parents[1] / "docs" / "derivatives.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    known = {"jax": jax}
+    for code in (blocks[0], blocks[-1], textwrap.dedent(page[page.index("    @jax.custom_vjp") :])):
+        exec(code, known)
+
+    def cost(x):
+        return (x**2).sum() + 1e3 * known["lost"](2 * x)
+
+    x, h, before = np.array([0.001, 0.004, 0.012]), 1e-6, jax.config.jax_enable_x64
+    jax.config.update("jax_enable_x64", True)
+    try:
+        found = jax.jit(jax.grad(cost))(jax.numpy.array(x))
+        ends = [[float(cost(x + side * h * e)) for side in (-1, 1)] for e in np.eye(3)]
+    finally:
+        jax.config.update("jax_enable_x64", before)
+    assert_allclose(found, [(high - low) / (2 * h) for low, high in ends], rtol=CLOSE)
+
+
 # -- many -----------------------------------------------------------------------------------------
 
 
@@ -584,8 +778,11 @@ def test_two_hundred_random_states():
 def test_twenty_kinks():
     """Each side's own derivative, where points begin to slip, stick, open and close."""
     found = kinked(range(14), 0, 0.006, same_status) + kinked(range(4, 14), 1, 0.004, still_open)
-    assert len(found) >= 20
-    assert max(found) < CLOSE
+    space = kinked(range(12), 0, 0.006, same_status, 3) + kinked(
+        (5, 6, 13, 15), 2, 0.004, still_open, 3
+    )
+    assert len(found) >= 20 and len(space) >= 18
+    assert max(found + space) < CLOSE
 
 
 @pytest.mark.slow

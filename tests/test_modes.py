@@ -204,6 +204,51 @@ def test_units_and_travel_do_not_change_modes():
     assert_allclose(again.modes(same, 4).frequency, wanted, rtol=1e-10)
 
 
+@pytest.mark.parametrize("height", [1.0, 1.5])
+def test_rigid_bodies_have_a_mass(height):
+    """A column with a rigid head: rows of its motion by hand; its springs alone; other units."""
+    column = bar(0, 1, 5, D="bottom", height=(0.0, 1.0), name="column")
+    mass = np.array([[3.0, 0.0, -0.3], [0.0, 3.0, 0.6], [-0.3, 0.6, 0.4]])
+    about, springs = np.array([0.5, height]), np.array([0.2, 0.5, 0.1])
+    found = []
+    for unit in (1.0, 1e3):  # of length; rotations stay
+        x = np.outer((1, 1, unit), (1, 1, unit))
+        down = sc.RigidPlane((0.5 * unit, unit), (0, -1), name="head")
+        given = {"about": unit * about, "K": springs * np.diag(x)}
+        head = sc.RigidBody(down, mass=mass * x, **given)
+        big = fem.Basis(column.basis.mesh.scaled(unit), column.basis.elem, intorder=2)
+        own = sc.Body(big, column.K, D="bottom", mass=column.mass, name="column")
+        solver = sc.ContactSolver([own, head], sc.Contact(own.surface("top"), head, tied=True))
+        modes = solver.modes(solver.solve(), 5)
+        found.append(modes.frequency)
+        assert modes.displacement(0, "head").shape == (3,)
+    top = column.basis.get_dofs("top")
+    T = np.zeros((column.n + 3, column.n + 3))
+    T[: column.n, : column.n] = np.eye(column.n)
+    T[column.n :, column.n :] = np.eye(3)
+    for k in range(2):
+        dofs = top.all(f"u^{k + 1}")
+        arm = column.dof_points[dofs] - about
+        T[dofs, dofs] = 0.0
+        T[dofs, column.n + k] = 1.0
+        T[dofs, -1] = (-arm[:, 1], arm[:, 0])[k]
+    free = np.setdiff1d(np.arange(column.n + 3), np.concatenate([column.D, top.all()]))
+    T = T[:, free]
+    K, M = (
+        np.block([[A.toarray(), np.zeros((column.n, 3))], [np.zeros((3, column.n)), B]])
+        for A, B in ((column.K, np.diag(springs)), (column.mass, mass))
+    )
+    wanted = frequencies(T.T @ K @ T, T.T @ M @ T, 5)
+    for frequency in found:
+        assert_allclose(frequency, wanted, rtol=1e-9)
+    with pytest.raises(sc.errors.InputError, match="masses are >= 0"):
+        sc.RigidBody(down, mass=(1.0, -1.0, 1.0), **given)
+    bare = sc.RigidBody(down, name="bare", **given)
+    solver = sc.ContactSolver([own, bare], sc.Contact(own.surface("top"), bare, tied=True))
+    with pytest.raises(sc.errors.InputError, match=r"mass=\(m, m, J\)"):
+        solver.modes(solver.solve(), 2)
+
+
 def test_densities_forms_and_matrices_are_one_mass():
     """What is given as a density, a form or a matrix, with a thickness; a scalar body too."""
     basis = rectangle(np.linspace(0, 2, 5), np.linspace(0, 1, 3))

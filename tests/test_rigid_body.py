@@ -63,7 +63,7 @@ def test_what_a_rigid_body_is_made_of():
         ({"D": "x", "x": {"y": 1.0}}, "prescribes values 'y' that D does not have"),
         ({"D": "x", "x": {"x": np.inf}}, "not finite"),
         ({"K": (1, 2)}, "give 3 numbers"),
-        ({"K": -np.ones(3)}, "springs have a stiffness >= 0"),
+        ({"K": -np.ones(3)}, "springs and masses are >= 0"),
         ({"K": [[1, 0, 0.5], [0, 1, 0], [0, 0, 1]]}, "not symmetric"),
         ({"name": 3}, "name of a RigidBody"),
         ({"motion": (0, 1)}, "write D and x"),

@@ -147,3 +147,6 @@ OVERLAP = 0.35
 # presses: on tips of domes between this and half of the approach forces are off by 2 to 19 %, by 0 to
 # 7 % where facets fall away by less.
 ALONE = 0.25
+# Changes of states, by point with a kink, before a derivative to one side is given up: directions of
+# friction are found in a handful.
+MOST_CHANGES = 50

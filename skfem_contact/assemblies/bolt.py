@@ -280,7 +280,7 @@ class Bolts:
         self, bolts: Sequence[Bolt], names: tuple[str, ...], system: System, stiffness: Sequence[Any]
     ) -> None:
         self.bolts, self.names = tuple(bolts), names
-        self._body = [system.index(bolt.body) for bolt in bolts]
+        self._body, self._n = [system.index(bolt.body) for bolt in bolts], system.n
         self._span = [system.slice(bolt.body) for bolt in bolts]
         own = [stiffness[i] for i in self._body]
         self.pushed = [_forces(K, bolt.slide) for bolt, K in zip(bolts, own, strict=True)]
@@ -299,13 +299,29 @@ class Bolts:
                         "one of them along its axis by a few elements"
                     )
 
-    def posed(self, case: LoadCase, shift: Array, force: Array) -> LoadCase:
+    @property
+    def pulls(self) -> csr_matrix:
+        """Forces in the bolts by the displacements of all bodies, ``m' K``, (b, n)."""
+        return self._rows(self.pushed)
+
+    @property
+    def slides(self) -> csr_matrix:
+        """All bodies moved by one beyond each section, ``m'``, (b, n)."""
+        return self._rows([bolt.slide for bolt in self.bolts])
+
+    def _rows(self, parts: Sequence[Array]) -> csr_matrix:
+        out = np.zeros((len(parts), self._n))
+        for row, span, own in zip(out, self._span, parts, strict=True):
+            row[span] = own
+        return csr_matrix(out)
+
+    def posed(self, case: LoadCase, shift: Array, force: Array, kept: Mask | None = None) -> LoadCase:
         """A load case with shifts, or forces where these are not NaN, in its load."""
         f = np.array(case.applied)
         drawn = np.where(np.isnan(force), shift, force / self.k)
         for span, pushed, amount in zip(self._span, self.pushed, drawn, strict=True):
             f[span] -= amount * pushed
-        return copied(case, f=f, bolts=BoltLoads(shift, force, case.applied))
+        return copied(case, f=f, bolts=BoltLoads(shift, force, case.applied, kept))
 
     def step(
         self,
@@ -327,7 +343,8 @@ class Bolts:
             shift, force = np.array([found.get(name, (0.0, 0.0)) for name in self.names]).T
         goal = np.where(given, np.nan, np.where(np.isnan(asked.shift), shift, asked.shift))
         begin = np.where(given, np.nan, shift), np.where(given, force, np.nan)
-        return self.posed(before, *begin), self.posed(target, goal, asked.force)
+        kept = ~given & np.isnan(asked.shift)
+        return self.posed(before, *begin), self.posed(target, goal, asked.force, kept)
 
     def loosened(self, given: Mask, stiffness: Sequence[Any]) -> dict[int, Any]:
         """The stiffness of the bodies whose bolts have a given force, by their number."""

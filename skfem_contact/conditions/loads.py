@@ -101,11 +101,14 @@ class BoltLoads:
         [force]
     applied : ndarray, shape (n,), or None
         The load of the case without that of its bolts; None while that is not in it [force].
+    kept : ndarray of bool, shape (b,), or None
+        Bolts that the step does not name; None before it is known what holds them.
     """
 
     shift: Array
     force: Array
     applied: Array | None = None
+    kept: NDArray[np.bool_] | None = None
 
     @property
     def given(self) -> NDArray[np.bool_]:
@@ -118,7 +121,8 @@ class BoltLoads:
         force = self.force + share * (other.force - self.force)
         if self.applied is None or other.applied is None:
             return BoltLoads(shift, force)
-        return BoltLoads(shift, force, self.applied + share * (other.applied - self.applied))
+        applied = self.applied + share * (other.applied - self.applied)
+        return BoltLoads(shift, force, applied, other.kept)
 
 
 @dataclass(eq=False)

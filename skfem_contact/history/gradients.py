@@ -8,7 +8,7 @@ step, for any number of values.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -116,19 +116,21 @@ class Jacobian:
         return " ".join(said)
 
 
-def solved(
-    solver: Any, steps: Iterable[Any], start: Any, by: Sequence[Parameter]
-) -> tuple[list[ContactResult], list[Tangent]]:
-    """The history, and the tangent of each of its results on the same zones."""
-    results = list(solver.history(steps, start=start))
+def tangents_of(results: list[ContactResult], by: Sequence[Parameter]) -> list[Tangent]:
+    """The tangent of each result of a history, on the same zones."""
     if not results:
         raise InputError("steps are empty: there is nothing to differentiate")
-    answers, tangents = [answer_of(result) for result in results], list[Tangent]()
-    for answer in answers:
-        tangents.append(Tangent(answer, tangents[0].zones if tangents else None))
+    answers, zones, tangents = (
+        [answer_of(result) for result in results],
+        dict[int, Any](),
+        list[Tangent](),
+    )
+    for answer in answers:  # of the same bodies: steps that tighten bolts have others
+        tangents.append(Tangent(answer, zones.get(id(answer.model))))
+        zones.setdefault(id(answer.model), tangents[-1].zones)
     if any(p.kind in ("stiffness", "scene") for p in by):
         recover_all(answers)
-    return results, tangents
+    return tangents
 
 
 def parameters(by: Any, many: bool) -> tuple[Parameter, ...]:
@@ -160,11 +162,10 @@ def _derivatives(given: Any, results: Sequence[ContactResult], what: str) -> tup
 
 
 def gradient(
-    solver: Any, objective: Callable[..., Any], steps: Iterable[Any], by: Any, start: Any
+    results: list[ContactResult], objective: Callable[..., Any], by: tuple[Parameter, ...]
 ) -> Gradient:
-    """See `ContactSolver.gradient`."""
-    by = parameters(by, many=True)
-    results, tangents = solved(solver, steps, start, by)
+    """See `ContactSolver.gradient`; of a history that is solved."""
+    tangents = tangents_of(results, by)
     value, given = _derivatives(objective(results), results, "the objective")
     loads = any(p.kind in LOADS for p in by)
     found: list[list[Any]] = [[] for _ in by]
@@ -182,11 +183,13 @@ def gradient(
 
 
 def jacobian(
-    solver: Any, observe: Callable[..., Any], steps: Iterable[Any], by: Any, start: Any, side: int
+    results: list[ContactResult],
+    observe: Callable[..., Any],
+    by: tuple[Parameter, ...],
+    side: int,
 ) -> Jacobian:
-    """See `ContactSolver.jacobian`."""
-    by = parameters(by, many=False)
-    results, tangents = solved(solver, steps, start, by)
+    """See `ContactSolver.jacobian`; of a history that is solved."""
+    tangents = tangents_of(results, by)
     values, given = _derivatives(observe(results), results, "observe")
     values = numbers(values, "values of observe", "give a vector")
     matrix, rows = np.zeros((len(values), len(by))), [_rows(own, len(values)) for own in given]

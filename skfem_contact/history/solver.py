@@ -797,9 +797,10 @@ class ContactSolver(Variants):
         >>> f"{found.value:.6f}, {found.parts[0]:.6f}"
         '0.000100, -0.020000'
         """
-        from skfem_contact.history.gradients import gradient
+        from skfem_contact.history.gradients import gradient, parameters
 
-        return gradient(self, objective, steps, by, start)
+        known = parameters(by, many=True)
+        return gradient(list(self.history(steps, start=start)), objective, known)
 
     @known_keywords(**OF_SOLVER)
     def jacobian(
@@ -836,9 +837,10 @@ class ContactSolver(Variants):
         InputError
             There is no derivative; the message says why.
         """
-        from skfem_contact.history.gradients import jacobian
+        from skfem_contact.history.gradients import jacobian, parameters
 
-        return jacobian(self, observe, steps, by, start, side)
+        known = parameters(by, many=False)
+        return jacobian(list(self.history(steps, start=start)), observe, known, side)
 
     @known_keywords()
     def save_state(self, path: str | Path, result: ContactResult | SavedState) -> Path:

@@ -63,6 +63,10 @@ class RigidBody(Member, Obstacle):
     K : array (3,) or (3, 3), (6,) or (6, 6), optional
         Springs of its supports, to the ground: stiffness of every DOF, or a symmetric matrix
         [force/length], [force length/rad].
+    mass : array (3,) or (3, 3), (6,) or (6, 6), optional
+        For `ContactSolver.modes`: mass for translations and moments of inertia about `about` for
+        rotations, or the symmetric matrix of both where `about` is not the centre of mass. `mass` of
+        the rigid body is the matrix, or None [mass], [mass length^2].
     name : str, optional
         That of the obstacle if not given.
 
@@ -112,6 +116,7 @@ class RigidBody(Member, Obstacle):
     D: NDArray[np.int64]
     x: Array
     K: csr_matrix
+    mass: csr_matrix | None
     name: str | None
 
     def __init__(
@@ -124,6 +129,7 @@ class RigidBody(Member, Obstacle):
         D: str | int | Iterable[str | int] | None = None,
         x: ArrayLike | Mapping[str, float] | None = None,
         K: ArrayLike | sparray | spmatrix | None = None,
+        mass: ArrayLike | None = None,
         name: str | None = None,
     ) -> None:
         check_name(name, "name of a RigidBody")
@@ -144,6 +150,7 @@ class RigidBody(Member, Obstacle):
             f=load,
             D=held_dofs(D, self.directions, f"D of {whose}"),
             K=self.stiffness(K, f"K of {whose}"),
+            mass=None if mass is None else definite(mass, self.n, f"mass of {whose}"),
         )
         self._set(x=self._prescribed(x, f"x of {whose}"))
         seal(self)
@@ -242,7 +249,7 @@ class RigidBody(Member, Obstacle):
 
     def stiffness(self, K: Any, what: str) -> csr_matrix:
         """Springs (n, n) that a user means: a stiffness for every DOF, a matrix, or none."""
-        return springs_of(K, self.n, what)
+        return definite(np.zeros(self.n) if K is None else K, self.n, what)
 
     def load(self, f: Any, what: str) -> Array:
         """The load (n,) that a user means: forces and moments by name of DOF, or all of them."""
@@ -322,10 +329,10 @@ def dof_number(entry: Any, directions: tuple[str, ...], what: str) -> int:
     return int(entry)
 
 
-def springs_of(K: Any, n: int, what: str) -> csr_matrix:
-    """Springs (n, n) that a user means: a stiffness for every DOF, a matrix, or none."""
+def definite(K: Any, n: int, what: str) -> csr_matrix:
+    """Springs or a mass (n, n) that a user means: a number for every DOF, or a matrix."""
     usage = f"give {n} numbers, or a symmetric ({n}, {n}) matrix"
-    given = np.zeros(n) if K is None else numbers(K.toarray() if issparse(K) else K, what, usage)
+    given = numbers(K.toarray() if issparse(K) else K, what, usage)
     matrix = np.diag(given) if given.shape == (n,) else given
     if matrix.shape != (n, n) or not np.isfinite(matrix).all():
         raise InputError(f"{what} has shape {given.shape}, or is not finite; {usage}")
@@ -336,7 +343,7 @@ def springs_of(K: Any, n: int, what: str) -> csr_matrix:
         raise InputError(f"{what} is not symmetric; {usage}")
     root = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     if np.linalg.eigvalsh(matrix / np.outer(root, root))[0] < -GIVEN:
-        raise InputError(f"{what} pushes along some motion: springs have a stiffness >= 0")
+        raise InputError(f"{what} is negative along some motion: springs and masses are >= 0")
     return sealed_matrix(csr32(csr_matrix(0.5 * (matrix + matrix.T))))
 
 

@@ -30,7 +30,8 @@ from skfem_contact.records import dataclass
 Array = NDArray[np.float64]
 #: What changes loads of bodies, so that derivatives by these are needed inside; then what does not.
 LOADS = "stiffness", "load", "displacement", "scene"
-KINDS = "friction", *LOADS, "interference", "gap", "motion"
+BOLTS = "bolt_force", "bolt_stretch"
+KINDS = "friction", *LOADS, "interference", "gap", "motion", *BOLTS
 
 
 @dataclass(eq=False)
@@ -46,6 +47,8 @@ class Change:
         Of the friction force that the return map makes of the same trial force [force].
     bound : ndarray, shape (m,)
         Of the bound of friction under the same normal force [force].
+    drive, tension : ndarray, shape (b,)
+        Of the stretch of bolts, at the same displacements, and of their forces at the same stretch too.
     shape : dict of ndarray
         Of areas, normals and axes, as `Weights.points` has them; empty where they stay.
     """
@@ -56,6 +59,8 @@ class Change:
     slip0: Array
     friction: Array
     bound: Array
+    drive: Array
+    tension: Array
     shape: dict[str, Array] = field(default_factory=dict)
 
     @classmethod
@@ -63,12 +68,14 @@ class Change:
         """No change."""
         m, t = answer.local.slip.shape
         n, still = answer.system.n, np.zeros((m, t))
-        return cls(np.zeros(n), np.zeros(n), np.zeros(m), still, still.copy(), np.zeros(m))
+        bolts = np.zeros((2, len(answer.bolt_names)))
+        return cls(np.zeros(n), np.zeros(n), np.zeros(m), still, still.copy(), np.zeros(m), *bolts)
 
     @property
     def parts(self) -> tuple[Array, ...]:
-        """The changes of loads, of the contact, and of its friction."""
-        return self.f, self.x, self.gap0, self.slip0, self.friction, self.bound
+        """The changes of loads, of the contact, of its friction, and of bolts."""
+        contact = self.gap0, self.slip0, self.friction, self.bound
+        return self.f, self.x, *contact, self.drive, self.tension
 
     @property
     def case(self) -> LoadCase:
@@ -79,8 +86,8 @@ class Change:
         """The difference to another one, times a factor."""
         shape = {name: factor * (own - other.shape.get(name, 0.0)) for name, own in self.shape.items()}
         parts = [factor * (own - away) for own, away in zip(self.parts, other.parts, strict=True)]
-        f, x, gap0, slip0, friction, bound = parts
-        return Change(f, x, gap0, slip0, friction, bound, shape)
+        f, x, gap0, slip0, friction, bound, drive, tension = parts
+        return Change(f, x, gap0, slip0, friction, bound, drive, tension, shape)
 
 
 class Parameter:
@@ -103,12 +110,14 @@ class Parameter:
             Of contacts `of`, in every step [length].
         "motion"
             Of the obstacle of a contact, or of this name: a translation in the direction `along`.
+        "bolt_force", "bolt_stretch"
+            Of bolts `of`, in all load steps that give it.
         "scene"
             Anything else, such as the place of nodes, by ``between=(before, behind, width)``:
             two solvers of the same scene with the parameter half the width less and more. They are
             set up and not solved. A width of 1e-4 of the range of the parameter leaves 1e-8.
-    of : Contact, Body, str or None
-        The body or contact, itself or by name; None for all that there are.
+    of : Contact, Body, Bolt, str or None
+        The body, contact or bolt, itself or by name; None for all that there are.
     along : number or ndarray, optional
         By how much each point or DOF changes with the parameter; if not given 1.0, everywhere.
     field : bool
@@ -143,10 +152,10 @@ class Parameter:
             raise InputError(f"a parameter is {shown(kind)}; it may be one of {', '.join(KINDS)}.")
         if (kind == "scene") != (between is not None):
             raise InputError("between=(solver, solver, width) belongs to 'scene', and is needed there")
-        if field and (along is not None or kind in ("stiffness", "scene")):
+        if field and (along is not None or kind in ("stiffness", "scene", *BOLTS)):
             raise InputError(
-                f"Parameter({kind!r}, field=True): a field has a value for every point or DOF, so "
-                "it has no `along`; of a stiffness or a scene there is none: give them one by one."
+                f"Parameter({kind!r}, field=True): a field has a value for every point or DOF, so it "
+                "has no `along`; a stiffness, scene or bolt has none: give them one by one."
             )
         if kind == "motion" and along is None and not field:
             raise InputError("Parameter('motion'): give the direction, along=(1.0, 0.0)")
@@ -172,19 +181,27 @@ def change(by: Parameter, tangent: Tangent) -> Change:
     along = 1.0 if by.along is None else by.along
     if by.kind == "scene":
         return _between(by, tangent)
+    if by.kind in BOLTS:
+        if bolts := tangent.bolts:
+            named = bolts.given if by.kind == "bolt_force" else ~bolts.given & ~bolts.kept
+            size = np.where(bolts.given, bolts.k, 1.0)
+            out.drive = np.where(named & _bolts(by, answer), along, 0.0) / size
+        return out
     if by.kind in ("stiffness", "load", "displacement"):
         for i, span in _bodies(by, answer):
             if by.kind == "stiffness":
-                out.f[span] = -_stiffness(by, answer, i) @ answer.u[span]
+                out.f[span] = -_borne(by, tangent, i)
                 continue
             case, own = answer.case, out.f if by.kind == "load" else out.x
-            values = (case.f if by.kind == "load" else case.x)[span]
+            values = (case.applied if by.kind == "load" else case.x)[span]
             if by.along is not None:
                 values = _field(by, along, len(values)) * _factor(by, answer, i)
             own[span] = values
         D, x = answer.system.D, out.x
         out.x = np.zeros(len(x))
         out.x[D] = x[D]
+        if by.kind == "stiffness":
+            out.drive, out.tension = _pulled(tangent, -out.f)
         return out
     given = np.zeros(kin.m)
     for i, part in _contacts(by, answer):
@@ -242,8 +259,8 @@ def _in_scene(solver: Any, tangent: Tangent) -> Change:
     answer, local, u = tangent.answer, tangent.local, tangent.answer.u
     kin, case, bodies = solver.kin, _case_there(solver, answer), answer.system.bodies
     stiffness = zip(solver.linear_model.stiffness, bodies, strict=True)
-    borne = [K @ u[answer.system.slice(body)] for K, body in stiffness]
-    f = case.f - np.concatenate(borne) + kin.B_n.T @ local.normal_force
+    borne = np.concatenate([K @ answer.stretched(body) for K, body in stiffness])
+    f = case.f - borne + kin.B_n.T @ local.normal_force
     gap0 = np.where(kin.paired, case.gap0, 0.0) + np.where(kin.paired, kin.B_n @ u, 0.0)
     slip0, bound = case.slip0, np.zeros(kin.m)
     friction, axes = np.zeros(local.slip.shape), kin.axes
@@ -257,7 +274,7 @@ def _in_scene(solver: Any, tangent: Tangent) -> Change:
         bound = np.where(tangent.closed, rule.bound(local.normal_force, local.slip), 0.0)
         axes = np.einsum("ikl,ild->ikd", own, kin.axes)
     shape = {"area": kin.area[:, None], "normal": kin.normal, "axes": axes.reshape(kin.m, -1)}
-    return Change(f, case.x, gap0, slip0, friction, bound, shape)
+    return Change(f, case.x, gap0, slip0, friction, bound, *_pulled(tangent, borne), shape)
 
 
 def _turned(answer: Answer, kin: Any) -> Array:
@@ -277,6 +294,7 @@ def _case_there(solver: Any, answer: Answer) -> LoadCase:
     from copy import copy
 
     reader, case = solver._reader, copy(answer.case)
+    case.f = answer.case.applied  # without the load of bolts
     given = np.array(case.interference)
     for part, own, values in zip(
         answer.model.interface.point_slices, case.own, reader._own, strict=True
@@ -322,13 +340,39 @@ def _only(found: list[tuple[int, slice]], by: Parameter) -> tuple[int, slice]:
     return found[0]
 
 
-def _stiffness(by: Parameter, answer: Answer, i: int) -> Any:
+def _bolts(by: Parameter, answer: Answer) -> NDArray[np.bool_]:
+    """Bolts of a parameter, as a mask (b,)."""
+    assert answer.bolts is not None
+    known = list(zip(answer.bolt_names, answer.bolts.bolts, strict=True))
+    found = np.array([by.of is None or by.of == name or by.of is bolt for name, bolt in known])
+    if not found.any():
+        raise InputError(f"{by!r}: there is no such bolt; there are {', '.join(answer.bolt_names)}.")
+    return found
+
+
+def _pulled(tangent: Tangent, borne: Array) -> tuple[Array, Array]:
+    """Changes of stretch and force of bolts, from those of what all bodies bear, (n,)."""
+    if (bolts := tangent.bolts) is None:
+        return np.zeros(0), np.zeros(0)
+    tension = np.asarray(bolts.slides @ borne)
+    return np.where(bolts.given, -tension / bolts.k, 0.0), tension
+
+
+def _borne(by: Parameter, tangent: Tangent, i: int) -> Array:
+    """What a change of the stiffness of a body makes it bear, its bolts drawn together, (n_body,)."""
+    answer = tangent.answer
+    body, u = answer.system.bodies[i], answer.stretched(answer.system.bodies[i])
     if not hasattr(by.along, "tocsr"):
-        return (1.0 if by.along is None else float(by.along)) * answer.stiffness[i]
-    body, K = answer.system.bodies[i], by.along.tocsr()
+        borne, bolts = answer.stiffness[i] @ u, tangent.bolts
+        if bolts:  # the stiffness of a step that gives their forces lets them slide
+            span = answer.system.slice(body)
+            P = bolts.P[:, span]
+            borne = borne + P.T @ np.where(bolts.given, P @ u / bolts.k, 0.0)
+        return np.asarray((1.0 if by.along is None else float(by.along)) * borne)
+    K = by.along.tocsr()
     if K.shape != (body.n, body.n):
         raise InputError(f"{by!r}: along has shape {K.shape}; a body of {body.n} DOFs was named")
-    return answer.system.scaled(body, K)
+    return np.asarray(answer.system.scaled(body, K) @ u)
 
 
 def _factor(by: Parameter, answer: Answer, i: int) -> Any:

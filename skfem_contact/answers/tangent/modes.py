@@ -138,10 +138,11 @@ def mass(system: System) -> csr_matrix:
     if bare:
         raise InputError(
             f"no mass is given of {', '.join(map(repr, bare))}: give Body(..., mass=density), a form "
-            "or a matrix, or a material with a density. A RigidBody has none: take an obstacle that is "
-            "held."
+            "or a matrix, or a material with a density; RigidBody(..., mass=(m, m, J)), or an obstacle "
+            "that is held."
         )
-    return csr_matrix(block_diag(mass, format="csr"))
+    scaled = [system.scaled(body, own) for body, own in zip(system.bodies, mass, strict=True)]
+    return csr_matrix(block_diag(scaled, format="csr"))
 
 
 def _constraints(answer: Answer, slipping: str) -> tuple[AffineConstraint, AffineConstraint]:

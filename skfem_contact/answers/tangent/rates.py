@@ -1,8 +1,9 @@
 r"""From changes of a load step to those of its answer, and backwards.
 
-What a step hands on to the next are slips, friction forces, the slips that points closed at, and, for
-the energy that friction takes, its bounds. So the derivative of a history goes from step to step with
-these four (`Carried`), and that of a number by all that happened before comes back with theirs.
+What a step hands on to the next are slips, friction forces, the slips that points closed at, for the
+energy that friction takes its bounds, and the stretch of bolts. So the derivative of a history goes
+from step to step with these five (`Carried`), and that of a number by all that happened before comes
+back with theirs.
 
 In both directions a step is one linear solve with the factor of its own points. Displacements inside
 the bodies follow by reciprocity: contact forces move a body by ``U p``, and ``U'g`` are the gaps and
@@ -41,11 +42,15 @@ class Weights:
     u : ndarray, shape (n,), or None
     lost : ndarray, shape (c,)
         By the energy that friction takes at each contact in the step.
+    tension, stretch : ndarray, shape (b,)
+        By the force and the stretch of each bolt.
     """
 
     points: dict[str, Array]
     u: Array | None
     lost: Array
+    tension: Array
+    stretch: Array
 
     @classmethod
     def none(cls, answer: Answer) -> Weights:
@@ -54,7 +59,8 @@ class Weights:
         widths = {"gap": 1, "normal_force": 1, "slip": t, "friction": t, "area": 1}
         widths |= {"normal": d, "axes": t * d}
         points = {name: np.zeros((m, width)) for name, width in widths.items()}
-        return cls(points, None, np.zeros(len(answer.contacts)))
+        bolts = np.zeros((2, len(answer.bolt_names)))
+        return cls(points, None, np.zeros(len(answer.contacts)), *bolts)
 
     def at(self, points: dict[str, Array]) -> float:
         """Return what changes of these blocks of numbers make of the number."""
@@ -69,12 +75,13 @@ class Carried:
     tangential_force: Array
     reference: Array
     bound: Array
+    shift: Array
 
     @classmethod
     def none(cls, answer: Answer) -> Carried:
         """Nothing."""
         still = np.zeros(answer.local.slip.shape)
-        return cls(still, still, still, np.zeros(len(still)))
+        return cls(still, still, still, np.zeros(len(still)), np.zeros(len(answer.bolt_names)))
 
 
 @dataclass(eq=False)
@@ -113,29 +120,66 @@ class Rates:
         source = self.tangent.problem.source(self.load, self.response)
         return self.tangent.recovered(source.values, self.change.case)
 
+    @property
+    def tension(self) -> Array:
+        """Of the forces in bolts, (b,)."""
+        bolts = self.tangent.bolts
+        if bolts is None:
+            return np.zeros(0)
+        return np.asarray(bolts.P @ self.u + bolts.k * self.carried.shift + self.change.tension)
+
     def dot(self, weights: Weights) -> float:
         """The derivative of a number that depends on the answer by these weights."""
         found = weights.at(self.points) + float(weights.lost @ self.lost)
+        found += float(weights.stretch @ self.carried.shift)
+        if np.count_nonzero(weights.tension):
+            found += float(weights.tension @ self.tension)
         return found if weights.u is None else found + float(weights.u @ self.u)
 
 
-def forward(tangent: Tangent, change: Change, before: Carried | None) -> Rates:
+@dataclass(eq=False)
+class Way:
+    """What points do whose statuses are not those of the tangent, which holds them.
+
+    Attributes
+    ----------
+    gap : ndarray, shape (m,), slip : ndarray, shape (m, d-1)
+        Their rates; zero, and those of the step before, at all other points.
+    closed : ndarray of bool, shape (m,)
+    """
+
+    gap: Array
+    slip: Array
+    closed: NDArray[np.bool_]
+
+
+def forward(tangent: Tangent, change: Change, before: Carried | None, way: Way | None = None) -> Rates:
     """Derivatives of an answer by a number, from those of the answer before (None: it has none)."""
-    answer, closed = tangent.answer, tangent.closed
-    last = before or Carried.none(answer)
+    answer, last = tangent.answer, before or Carried.none(tangent.answer)
+    drive = change.drive
+    if bolts := tangent.bolts:
+        drive = drive + np.where(bolts.kept, last.shift, 0.0)
+        change = replace(change, f=change.f - bolts.P.T @ drive)
+    way = way or Way(np.zeros(len(last.slip)), last.slip, tangent.closed)
+    closed = way.closed
     offset = tangent.friction(change.friction, last.tangential_force, last.slip - last.reference)
-    conditions = replace(tangent.conditions, offset=offset, anchor=last.slip)
+    conditions = replace(tangent.conditions, offset=offset, anchor=way.slip)
     with single_threaded():
         load, (zone, key) = tangent.problem.other_load(change.case), tangent.zone
+        load.gap0 = load.gap0 - way.gap
         found = zone.solve(conditions, load, key)
+    found.gap = found.gap + way.gap
     reference = np.where(closed[:, None], last.reference, found.slip)
     bound = tangent.bound_slope * found.normal_force + np.where(closed, change.bound, 0.0)
-    way, along, G = _lost(tangent)
+    length, along, G = _lost(tangent)
     moved = found.slip - last.slip - (found.tangential_force - last.tangential_force) / G
-    rate = 0.5 * (bound + last.bound) * way + np.sum(along * moved, axis=1)
+    rate = 0.5 * (bound + last.bound) * length + np.sum(along * moved, axis=1)
     lost = np.array([rate[part].sum() for part in answer.model.interface.point_slices])
-    carried = Carried(found.slip, found.tangential_force, reference, bound)
-    return Rates(answer, tangent, change, load, found, carried, lost)
+    carried = Carried(found.slip, found.tangential_force, reference, bound, drive)
+    rates = Rates(answer, tangent, change, load, found, carried, lost)
+    if bolts and bolts.given.any():
+        carried.shift = drive - np.where(bolts.given, bolts.P @ rates.u / bolts.k, 0.0)
+    return rates
 
 
 def _lost(tangent: Tangent) -> tuple[Array, Array, Array]:
@@ -182,9 +226,13 @@ def backward(
     reference = after.reference - by["slip"]
     slip = slip + np.where(closed[:, None], 0.0, reference)
     normal_force = by["normal_force"][:, 0] + tangent.bound_slope * bound
-    forces, pulled = np.zeros(len(problem.compliance.W)), None
-    if weights.u is not None:
-        given.f[:] = weights.u
+    forces, pulled, u, bolts = np.zeros(len(problem.compliance.W)), None, weights.u, tangent.bolts
+    if bolts:
+        stretch = weights.stretch + after.shift + bolts.k * weights.tension
+        pull = weights.tension - np.where(bolts.given, stretch / bolts.k, 0.0)
+        u = bolts.P.T @ pull + (0.0 if u is None else u)
+    if u is not None:
+        given.f[:] = u
         given.f[answer.system.D] = 0.0
         pulled = problem.other_load(given.case)
         forces = np.asarray(pulled.moved)
@@ -196,11 +244,14 @@ def backward(
     back.reference = np.where(closed[:, None], reference, 0.0) - by_slip
     back.tangential_force = back.tangential_force + by_trial
     bound = np.where(closed, bound, 0.0)
-    out = Change(given.x, given.x, found.gap0, found.slip0, by_map, bound)
-    if loads:
+    out = replace(given, f=given.x, gap0=found.gap0, slip0=found.slip0, friction=by_map, bound=bound)
+    if loads or bolts:
         force = problem.G.T @ found.moved + (0.0 if pulled is None else pulled.prescribed)
         out.f = tangent.recovered(force, given.case)
-        out.x = _by_supports(tangent, out, weights.u)
+        out.x = _by_supports(tangent, out, u)
+    if bolts:
+        out.drive, out.tension = stretch - bolts.P @ out.f, weights.tension
+        back.shift = np.where(bolts.kept, out.drive, 0.0)
     return out, back
 
 

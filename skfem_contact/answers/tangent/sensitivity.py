@@ -1,34 +1,33 @@
-"""`Sensitivity`: derivatives of a result by one number; and those that a user gives of a function.
-
-Where points are on the verge of a change (`Tangent.kinks`) there is a derivative to either side. Which
-statuses hold there follows from the change itself: rates of gaps and pressures, of slips and what
-friction lacks to its bound, are complementary as gaps and pressures themselves are. There are few such
-points, so that they are changed one after the other until none contradicts.
-"""
+"""`Sensitivity`: derivatives of a result by one number; and those that a user gives of a function."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.tangent.changes import Change, Parameter, change, parameter
-from skfem_contact.answers.tangent.rates import Carried, Rates, Weights, check_lost, forward
+from skfem_contact.answers.tangent.changes import Parameter, change, parameter
+from skfem_contact.answers.tangent.rates import Rates, Weights, check_lost, forward
+from skfem_contact.answers.tangent.sides import one_sided
 from skfem_contact.answers.tangent.tangent import Tangent
 from skfem_contact.arguments import numbers, shown
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.state import OPEN, SLIP, STICK
-from skfem_contact.digits import SOLVED
-from skfem_contact.errors import InputError, NotConverged
+from skfem_contact.errors import InputError
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 AT_CONTACT = "gap", "normal_force", "pressure", "slip", "tangential_force", "force"
-AT_ALL = "u", "displacement", "dissipation"
+AT_ALL = "u", "displacement", "dissipation", "bolts"
+
+
+class BoltRates(NamedTuple):
+    """Derivatives of a bolt: of its force, and of the length by which it is drawn shorter."""
+
+    force: float
+    stretch: float
 
 
 def _its(quantity: str, words: str) -> Any:
@@ -81,6 +80,15 @@ class Sensitivity:
         """Of the displacements of all bodies, shape (n,)."""
         return self._sign * self._rates.u / self._rates.answer.system.units
 
+    @property
+    def bolts(self) -> dict[str, BoltRates]:
+        """Of the forces and stretches of bolts, by name."""
+        rates = self._rates
+        both = zip(self._sign * rates.tension, self._sign * rates.carried.shift, strict=True)
+        return dict(
+            zip(rates.answer.bolt_names, (BoltRates(*map(float, b)) for b in both), strict=True)
+        )
+
     def displacement(self, body: Any) -> Array:
         """Of the displacements of one body, shape (n_body,)."""
         return self.u[self._rates.answer.system.slice(body)]
@@ -131,76 +139,6 @@ def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int)
     if side:
         return Sensitivity(by, one_sided(tangent, found, before, side), side)
     return Sensitivity(by, forward(tangent, found, before), side)
-
-
-def one_sided(tangent: Tangent, found: Change, before: Carried | None, side: int) -> Rates:
-    """Rates to one side, with the statuses that hold there.
-
-    Raises
-    ------
-    InputError
-        In space, where a direction of friction is about to be found.
-    NotConverged
-        No statuses fit.
-    """
-    found = found.minus(Change.none(tangent.answer), side)
-    branch, seen, whole = tangent, set[bytes](), True
-    while True:
-        switched = (branch.switched & branch.slips)[:, None]
-        friction = np.where(switched, branch.direction * found.bound[:, None], found.friction)
-        own = replace(found, friction=friction)
-        rates = forward(branch, own, before)
-        wanted = _contradicted(branch, rates, before)
-        if not wanted:
-            return rates
-        key = branch.conditions.matrix_key()
-        whole, again = whole and key not in seen, key in seen and not whole
-        if again:
-            raise NotConverged(
-                "no statuses of the points with a kink fit the change to this side", None
-            )
-        if key in seen:
-            seen = set()
-        seen.add(key)
-        last = max(wanted)  # one at a time, the last: ends where answers are unique (Murty)
-        branch = branch.with_statuses(wanted if whole else {last: wanted[last]})
-
-
-def _contradicted(
-    branch: Tangent, rates: Rates, before: Carried | None
-) -> dict[int, tuple[int, Array]]:
-    """Points with a kink whose rates contradict their status: what they are instead, and which way."""
-    response, out = rates.response, dict[int, tuple[int, Array]]()
-    each = response.gap, response.normal_force, response.slip, response.tangential_force
-    gap, force, slip, friction = (SOLVED * float(np.max(np.abs(rate), initial=0.0)) for rate in each)
-    still = np.zeros(response.slip.shape[1])
-    moved = response.slip - (0.0 if before is None else before.slip)
-    frictional, slid = branch.answer.model.interface.frictional, branch.slid
-    for i in branch.kinks:
-        if not branch.closed[i]:
-            if response.gap[i] < -gap:  # what closes where it has slid slips on, against its way
-                way = branch.answer.plastic_slip[i]
-                slips = frictional[i] and slid[i]
-                out[i] = (SLIP, way / np.linalg.norm(way)) if slips else (STICK, still)
-        elif branch.touching[i] and response.normal_force[i] < -force:
-            out[i] = (OPEN, still)
-        elif frictional[i] and branch.slips[i]:
-            if not slid[i] and branch.direction[i] @ moved[i] < -slip:
-                out[i] = (STICK, still)
-        elif frictional[i]:
-            rate = response.tangential_force[i]
-            toward = branch.toward[i] if branch.toward[i].any() else np.sign(rate)
-            if toward @ rate - rates.carried.bound[i] > friction:
-                out[i] = (SLIP, toward)
-    exact = branch.exact[list(out)].all() and len(still) == 1
-    if not exact and any(
-        frictional[i] and not slid[i] and status != OPEN for i, (status, _) in out.items()
-    ):
-        raise InputError(
-            "side: points at the verge of slipping have derivatives to either side in the plane, with "
-            "exact sticking. In space, or with a stiffness, move the load a little off the kink."
-        )
-    return out
 
 
 # -- quantities -----------------------------------------------------------------------------------
@@ -281,6 +219,8 @@ def weights_of(answer: Answer, given: Any) -> Weights:
             _by_displacement(answer, out, key, value)
         elif key == "dissipation":
             out.lost += float(value)
+        elif key == "bolts":
+            _by_bolts(answer, out, value)
         elif key in answer.names and isinstance(value, Mapping):
             i = answer.names.index(key)
             for what, own in value.items():
@@ -294,6 +234,19 @@ def weights_of(answer: Answer, given: Any) -> Weights:
             known = ", ".join((*AT_CONTACT, *AT_ALL, *answer.names))
             raise InputError(f"derivatives by a result name {key!r}; they may name {known}")
     return out
+
+
+def _by_bolts(answer: Answer, out: Weights, given: Any) -> None:
+    parts = {"force": out.tension, "stretch": out.stretch}
+    for name, own in given.items() if isinstance(given, Mapping) else [(given, {})]:
+        if name not in answer.bolt_names or not isinstance(own, Mapping) or not set(own) <= set(parts):
+            known = ", ".join(answer.bolt_names) or "none"
+            raise InputError(
+                f"the derivative by bolts is {shown(given)}; give one by force or stretch, "
+                f"{{'bolt 1': {{'force': 1.0}}}}. Bolts of the solver: {known}"
+            )
+        for what, value in own.items():
+            parts[what][answer.bolt_names.index(name)] += float(value)
 
 
 def _by_displacement(answer: Answer, out: Weights, key: str, value: Any) -> None:

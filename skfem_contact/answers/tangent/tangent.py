@@ -25,7 +25,7 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -73,6 +73,26 @@ class Slopes:
     by_map: Array
     by_normal: Array
     trial: Array
+
+
+class Tightness(NamedTuple):
+    """The bolts in a load step: their forces ``N = P u + k d`` and stretches d.
+
+    Attributes
+    ----------
+    P, slides : csr_matrix, shape (b, n)
+        [force/length], [1]
+    k : ndarray, shape (b,)
+        [force/length]
+    given, kept : ndarray of bool, shape (b,)
+        Bolts whose force is given, and those that keep the stretch of the step before.
+    """
+
+    P: csr_matrix
+    slides: csr_matrix
+    k: Array
+    given: Mask
+    kept: Mask
 
 
 class Tangent:
@@ -131,6 +151,15 @@ class Tangent:
             # where nothing has slipped yet no direction turns: as if it stuck, and a kink
             still = self.slips & exact & ~self.slid
             self.slips, self.stick = self.slips & ~still, self.stick | still
+
+    @cached_property
+    def bolts(self) -> Tightness | None:
+        """What bolts do in the step; None without any."""
+        answer = self.answer
+        held, bolts = answer.case.bolts, answer.bolts
+        if bolts is None or held is None or held.kept is None or not bolts.names:
+            return None
+        return Tightness(bolts.pulls, bolts.slides, bolts.k, held.given, held.kept)
 
     @cached_property
     def status(self) -> NDArray[np.intp]:
@@ -275,11 +304,6 @@ class Tangent:
         return np.asarray(self._apart <= SOLVED * self.largest_force)
 
     @cached_property
-    def switched(self) -> Mask:
-        """Points that `with_statuses` has given another status, (m,)."""
-        return np.zeros(len(self.status), dtype=bool)
-
-    @cached_property
     def slid(self) -> Mask:
         """Points whose slip in the step is more than round-off, (m,): it tells where friction acts."""
         resisted = self.problem.resistance.tangential * lengths(self.answer.plastic_slip)
@@ -287,26 +311,22 @@ class Tangent:
 
     @cached_property
     def largest_force(self) -> float:
-        """The largest force of a point, one where there is none [force]."""
+        """The largest force of a point; without any, what would close the largest gap [force]."""
         local = self.local
         forces = np.maximum(np.abs(local.normal_force), lengths(local.tangential_force))
-        return largest(forces) or 1.0
+        apart = np.where(np.isfinite(local.gap), local.gap, 0.0) * self.problem.resistance.normal
+        return largest(forces) or largest(np.nan_to_num(apart, posinf=0.0)) or 1.0
 
-    def with_statuses(self, other: dict[int, tuple[int, Array]]) -> Tangent:
-        """The tangent with other statuses of some points, and the directions in which they slip."""
-        new, frictional = copy(self), self.answer.model.interface.frictional
-        slope = self.rule.slope(np.maximum(self.local.normal_force, 0.0), self.local.slip)
-        new.closed, new.stick, new.slips = self.closed.copy(), self.stick.copy(), self.slips.copy()
-        direction, by_normal = self.direction.copy(), self.slope.copy()
-        new.switched, by_map = self.switched.copy(), self.slopes.by_map.copy()
-        for i, (status, way) in other.items():
-            new.closed[i], new.slips[i] = status != OPEN, status == SLIP
-            new.stick[i] = status == STICK and frictional[i]
-            new.switched[i], direction[i] = True, way
-            by_normal[i], by_map[i] = slope[i] * way, np.eye(len(way)) * (status == SLIP)
-        new.direction, new.slopes = direction, replace(self.slopes, by_normal=by_normal, by_map=by_map)
-        for name in set(vars(new)) & {"conditions", "presses", "bound_slope", "bound", "K", "T", "W"}:
-            del vars(new)[name]
+    def holding(self, closed: Index, stick: Index) -> Tangent:
+        """The tangent with these points closed, and these stuck, whose friction is what holds them."""
+        new, slopes = copy(self), self.slopes
+        new.closed, new.stick = self.closed.copy(), self.stick.copy()
+        new.closed[closed] = new.stick[stick] = True
+        free = ~np.isin(np.arange(len(self.closed)), closed)
+        names = "spring", "by_trial", "by_slip", "by_map", "by_normal"
+        own = {name: (getattr(slopes, name).T * free).T for name in names}
+        new.slopes = replace(slopes, **own)
+        vars(new).pop("conditions", None)
         return new
 
     def solve(self, force: ArrayLike) -> Array:
@@ -437,9 +457,6 @@ def refuse(answer: Answer) -> None:
         "conditions of its points depend on each other, so that forces are not unique. Let contacts "
         "share no edge, and make a held tool no finer than what it presses": answer.springs,
         "a body may stand elsewhere as well. Prescribe a DOF (D=...)": answer.indifferent,
-        "the stretch of bolts is handed on from step to step, and not differentiated": (
-            answer.bolts is not None and answer.bolts.names
-        ),
         "a material has internal variables, which are not differentiated": any(
             getattr(body, "initial_state", None) for body in model.system.bodies
         ),

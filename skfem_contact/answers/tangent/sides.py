@@ -1,0 +1,223 @@
+r"""One-sided derivatives of an answer that has a kink.
+
+At a kink (`Tangent.kinks`) points are about to change, and which way they go follows from the change
+itself: rates of gaps g and pressures, of slips s and of friction, are complementary as gaps and
+pressures themselves are. Where all else is linear, the forces of these points, of which there are few,
+follow from what they do,
+
+    p = p0 + S v,    p = (lambda, tau),    v = (g, s),
+
+with S from the factor of the answer, all of them held. Then each is in one of few states:
+
+* open, ``p = 0`` while ``g >= 0``, or closed, ``g = 0`` while ``lambda >= 0``;
+* at its bound, friction having the direction d: it sticks while ``d . tau`` grows no more than the
+  bound, or slips on along d; across d it sticks either way, as a slip has to begin along d;
+* touching, with no friction yet: with Coulomb's law for the rates, in any direction; and where it has
+  slid in this step already, friction against that slip.
+
+States are changed all at once, and one at a time once they repeat, until none contradicts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from skfem_contact.answers.tangent.changes import Change
+from skfem_contact.answers.tangent.rates import Carried, Rates, Way, forward
+from skfem_contact.answers.tangent.tangent import Tangent
+from skfem_contact.answers.thresholds import MOST_CHANGES
+from skfem_contact.arrays import largest, lengths
+from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.digits import SOLVED
+from skfem_contact.errors import InputError, NotConverged
+from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.problem.response import Response
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+TINY = np.finfo(float).tiny
+
+
+def one_sided(tangent: Tangent, found: Change, before: Carried | None, side: int) -> Rates:
+    """Rates to one side, with the statuses that hold there.
+
+    Raises
+    ------
+    InputError
+        Bounds of friction at the kink change with the slip.
+    NotConverged
+        No statuses fit.
+    """
+    found = found.minus(Change.none(tangent.answer), side)
+    if not len(tangent.kinks):
+        return forward(tangent, found, before)
+    verge = Verge(tangent, found, before or Carried.none(tangent.answer))
+    return forward(verge.held, found, before, verge.way())
+
+
+class Verge:
+    """The points of a tangent that are about to change, and the small problem of their rates."""
+
+    def __init__(self, tangent: Tangent, change: Change, last: Carried) -> None:
+        at, interface = tangent.kinks, tangent.answer.model.interface
+        compliance = tangent.problem.compliance
+        has_slip = np.all(compliance.tangential_rows[at] >= 0, axis=1)
+        self.rubs = interface.frictional[at] & has_slip & (tangent.answer.kin.tangents > 0)
+        self.touches = tangent.touching[at] & (compliance.normal_rows[at] >= 0)
+        if self.rubs.any() and not tangent.rule.steady:
+            raise InputError(
+                "side: bounds of friction that change with the slip have no one-sided derivatives. "
+                "Take Coulomb, OrthotropicCoulomb or Tresca, or move the load a little off the kink."
+            )
+        self.at, self.last, self.held = at, last, tangent.holding(at, at[self.rubs])
+        force = np.maximum(tangent.local.normal_force, 0.0)
+        self.slope = tangent.rule.slope(force, tangent.local.slip)[at]
+        self.bound = change.bound[at]
+        slid = tangent.slid[at] & self.rubs
+        way = np.where(slid[:, None], tangent.answer.plastic_slip[at], tangent.toward[at])
+        self.direction = way / np.where(way.any(axis=1), lengths(way), 1.0)[:, None]
+        self.open = self.touches & ~tangent.closed[at]
+        self.slips = slid.copy()
+        self.decides = self.rubs & ~slid  # whether it sticks
+        self.turns = self.decides & self.touches  # has no direction of friction yet
+        # what a point is moved by with what a finite stiffness gives back
+        self.give = np.where(self.rubs, 1.0 / interface.stiffness[at], 0.0)[:, None]
+        self.start = last.slip[at] - self.give * last.tangential_force[at]
+        self._factorise(forward(self.held, change, last).response)
+        self._find()
+
+    def _factorise(self, base: Response) -> None:
+        """The forces of the points from what they do, ``p0 + S v``."""
+        held, k = self.held, len(self.at)
+        still, none, n = held.conditions, np.zeros(len(held.closed)), held.answer.system.n
+        t = still.anchor.shape[1]
+        case = LoadCase(np.zeros(n), np.zeros(n), none, still.anchor, none, ())
+        S = np.zeros((k, 1 + t, k, 1 + t))
+        moves = np.column_stack([self.touches, *[self.rubs] * t])
+        with single_threaded():
+            load, (zone, key) = held.problem.other_load(case), held.zone
+            for i, c in zip(*np.nonzero(moves), strict=True):
+                unit = np.zeros((len(none), 1 + t))
+                unit[self.at[i], c] = 1.0
+                load.gap0 = -unit[:, 0]
+                response = zone.solve(replace(still, anchor=unit[:, 1:]), load, key)
+                S[:, :, i, c] = self._forces(response)
+        self.S = S.reshape(k * (1 + t), -1)
+        held_by = np.column_stack([np.zeros(k), self.last.slip[self.at] * self.rubs[:, None]])
+        self.p0 = self._forces(base).ravel() - self.S @ held_by.ravel()
+        self.v, self.p = held_by, self._forces(base)
+        forces = np.abs(np.column_stack([base.normal_force, base.tangential_force]))
+        ways = np.column_stack([base.gap, base.slip])
+        self.least = SOLVED * np.array([largest(forces), largest(ways[np.isfinite(ways)])])
+
+    def _forces(self, response: Response) -> Array:
+        """Normal forces and friction of the points, (k, d)."""
+        forces = np.column_stack([response.normal_force, response.tangential_force])
+        return np.asarray(forces[self.at])
+
+    def _find(self) -> None:
+        """Change states until none contradicts: all, and the last alone once they repeat (Murty)."""
+        seen, whole = set[bytes](), True
+        for _ in range(MOST_CHANGES * len(self.at)):
+            self._solve()
+            sizes = largest(np.abs(self.p)), largest(np.abs(self.v))
+            self.least = np.maximum(self.least, SOLVED * np.array(sizes))
+            wanted, turned = np.flatnonzero(self._contradicted()), self._turn()
+            if len(wanted):
+                key = self.open.tobytes() + self.slips.tobytes()
+                whole = whole and key not in seen
+                seen.add(key)
+                self._change(wanted if whole else wanted[-1:])
+            elif not turned:
+                return
+        raise NotConverged("no statuses of the points with a kink fit the change to this side", None)
+
+    def _solve(self) -> None:
+        """What the points do, and their forces, with the states that they have."""
+        (k, d), unit = self.v.shape, np.eye(self.v.shape[1] - 1)
+        E, F, r = np.zeros((k, d, d)), np.zeros((k, d, d)), np.zeros((k, d))
+        F[:, 0, 0], E[:, 0, 0] = self.open, ~self.open
+        for i in range(k):
+            way, give = self.direction[i], self.give[i]
+            by_way, by_force, given = unit, -give * unit, self.start[i]
+            if not self.rubs[i]:
+                by_force, given = 0.0 * unit, 0.0 * given
+            elif self.open[i] or not self.decides[i]:
+                by_way, by_force, given = 0.0 * unit, unit, 0.0 * given
+            elif self.slips[i]:
+                across, along = unit - np.outer(way, way), np.outer(way, way)
+                if self.turns[i]:  # slope lambda x / |x| with x = tau + c (s - s_last), linearised
+                    c, x = self._trial(i)
+                    bound = self.slope[i] * max(self.p[i, 0], 0.0)
+                    turn = bound / max(np.linalg.norm(x), bound, TINY)
+                    by_way, given = -turn * c * across, -turn * c * across @ given
+                    by_force = unit - turn * (1 - c * give) * across
+                else:
+                    by_way, given = across, across @ given + way * self.bound[i]
+                    by_force = along - give * across
+            if self.slips[i] and not self.open[i]:
+                F[i, 1:, 0] = -self.slope[i] * way
+            E[i, 1:, 1:], F[i, 1:, 1:], r[i, 1:] = by_way, by_force, given
+        E, F = block_diag(*E), block_diag(*F)
+        self.v = np.linalg.solve(E + F @ self.S, r.ravel() - F @ self.p0).reshape(k, d)
+        self.p = (self.p0 + self.S @ self.v.ravel()).reshape(k, d)
+
+    def _trial(self, i: int) -> tuple[float, Array]:
+        """A stiffness of a point, and the trial force that it makes of its slip."""
+        own = i * self.v.shape[1] + 1
+        c = -self.S[own, own]  # friction resists
+        return c, self.p[i, 1:] + c * self.moved[i]
+
+    @property
+    def moved(self) -> Array:
+        """Rates of the slip that is not given back, since the step before, (k, d-1)."""
+        return np.asarray(self.v[:, 1:] - self.give * self.p[:, 1:] - self.start)
+
+    def _parts_or_meets(self) -> Mask:
+        force, way = self.least
+        return np.where(self.open, self.v[:, 0] < -way, self.p[:, 0] < -force) & self.touches
+
+    def _contradicted(self) -> Mask:
+        """Points whose rates contradict their state, (k,)."""
+        force, way = self.least
+        along = np.sum(self.p[:, 1:] * self.direction, axis=1)
+        bound = self.slope * self.p[:, 0] + np.where(self.turns, 0.0, self.bound)
+        beyond = np.where(self.turns, lengths(self.p[:, 1:]), along) - bound > force
+        back = np.sum(self.moved * self.direction, axis=1) < -way
+        slides = np.where(self.slips, back, beyond) & self.decides & ~self.open
+        return np.asarray(self._parts_or_meets() | slides)
+
+    def _turn(self) -> bool:
+        """Let friction be along the trial force where points slip; return whether any turned."""
+        turned = False
+        for i in np.flatnonzero(self.turns & self.slips & ~self.open).tolist():
+            x = self._trial(i)[1]
+            way = x / max(np.linalg.norm(x), TINY)
+            turned |= bool(np.linalg.norm(way - self.direction[i]) > SOLVED)
+            self.direction[i] = way
+        return turned
+
+    def _change(self, some: NDArray[np.intp]) -> None:
+        """Other states of some points, by their rates; what closes slips on, as it would by itself."""
+        normal, moved = self._parts_or_meets(), self.moved
+        for i in some:
+            if normal[i]:
+                self.open[i] = not self.open[i]
+                self.slips[i] = self.rubs[i] and not self.open[i]
+            else:
+                self.slips[i] = not self.slips[i]
+            if self.turns[i]:
+                way = moved[i] if normal[i] else self.p[i, 1:]
+                self.direction[i] = way / max(np.linalg.norm(way), TINY) * self.slips[i]
+
+    def way(self) -> Way:
+        """What the points do, as `forward` takes it."""
+        still = self.last.slip
+        gap, slip, closed = np.zeros(len(still)), still.copy(), self.held.closed.copy()
+        gap[self.at], closed[self.at] = self.v[:, 0], ~self.open
+        slip[self.at[self.rubs]] = self.v[self.rubs, 1:]
+        return Way(gap, slip, closed)
