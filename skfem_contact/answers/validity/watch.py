@@ -23,6 +23,7 @@ from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import State
+from skfem_contact.digits import SOLVED
 from skfem_contact.errors import warn
 
 Array = NDArray[np.float64]
@@ -217,8 +218,8 @@ class Watch:
             if self.watches[i].of_triangles or (self.dim == 3 and small and of_two_bodies(contact)):
                 # sizes of vectors: the same in whatever axes
                 moved = max(float(np.linalg.norm(v)) for v in (case.x, case.motion[i].translation))
-                seen = _seen("overlap", name, drift.approach or moved)
-                measured = not seen & known.issued
+                seen = _look("overlap", name, drift.approach or moved, known.issued)
+                measured = bool(seen)
             beyond = {
                 "sliding": not drift.small_sliding_holds,
                 "facets": self.watches[i].seems_coarse(result, drift),
@@ -254,13 +255,18 @@ class Watch:
                 "locking": name in may_lock,
             }
             kinds = {kind for kind in beyond if beyond[kind] and (kind, name) not in known.issued}
-            seen = _seen("volumes", name, approach) if "locking" in kinds else Issued()
-            if kinds - ({"locking"} if seen & known.issued else set()):
+            look = "locking" in kinds
+            seen = _look("volumes", name, approach, known.issued) if look else Issued()
+            if seen or kinds - {"locking"}:
                 found[name] = seen
         return found
 
 
-def _seen(what: str, name: str, approach: float) -> Issued:
-    """Return what is kept of a look that is taken once each doubling of an approach."""
-    doublings = np.floor(np.log2(approach)) if approach > 0 else None
-    return Issued({(f"seen {what}", f"{name} {doublings}")})
+def _look(what: str, name: str, approach: float, issued: Issued) -> Issued:
+    """What is kept of a look at an approach, twice or half of all that were looked at; else nothing."""
+    kind = f"seen {what}"
+    before = [of.rpartition(" ") for key, of in issued if key == kind]
+    for size in (float(size) for of, _, size in before if of == name):
+        if size == approach or max(size, approach) < 2.0 * (1 - SOLVED) * min(size, approach):
+            return Issued()
+    return Issued({(kind, f"{name} {approach:.17g}")})
