@@ -185,7 +185,7 @@ class Extrapolation:
 
 
 def soft(size: float, stiff: Array) -> float:
-    """Approach of a side under a force, by the mean stiffness (m,) of its nodes; zero of a rigid one."""
+    """Approach of a side under a force, by the stiffness (m,) of its nodes; zero of a rigid one."""
     return float(size / np.median(stiff[stiff > 0])) if (stiff > 0).any() else 0.0
 
 
