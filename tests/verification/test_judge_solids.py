@@ -285,7 +285,11 @@ def test_the_own_solution(element):
 
 
 @pytest.mark.parametrize(
-    "seed", [*(2, 3), *(pytest.param(k, marks=pytest.mark.slow) for k in range(20, 40))]
+    "seed",
+    [
+        *(2, 3),
+        *(pytest.param(k, marks=pytest.mark.slow) for k in (*range(20, 40), 5005, 5010, 5036)),
+    ],
 )
 def test_random_scenes(seed):
     """Some scenes of the run that is stored."""
