@@ -396,6 +396,12 @@ def test_a_winding_number_tells_inside():
     assert judge_warned.winding(outside, boundary) == pytest.approx(0.0, abs=1e-12)
     assert judge_warned.depth(inside, boundary) == pytest.approx(0.1, abs=1e-12)
     assert judge_warned.depth(outside, boundary) == 0.0
+    mesh = fem.MeshTri().refined(1)
+    made = SimpleNamespace(basis=fem.Basis(mesh, fem.ElementVector(fem.ElementTriP2()), intorder=4))
+    square = judge_warned.deformed(made, np.zeros(made.basis.N))
+    for y, turns, deep in ((0.1, 1.0, 0.1), (-0.1, 0.0, 0.0)):
+        assert judge_warned.winding(np.array([0.4, y]), square) == pytest.approx(turns, abs=1e-12)
+        assert judge_warned.depth(np.array([0.4, y]), square) == pytest.approx(deep, abs=1e-12)
     # one facet that is seen from inside takes two solid angles away
     boundary[0] = boundary[0][::-1]
     assert judge_warned.winding(inside, boundary) < 1.0
@@ -403,7 +409,13 @@ def test_a_winding_number_tells_inside():
 
 def test_overlaps_that_are_warned_of_are_there():
     """A random scene on tetrahedra, whose overlap no contact condition sees."""
-    assert judge_warned.judge(5013) == (True, [])
+    assert judge_warned.verdict(5013) == (True, 1, [])
+
+
+@pytest.mark.slow
+def test_overlaps_in_the_plane_are_there():
+    """A random scene in the plane."""
+    assert judge_warned.verdict(65, plane=True) == (True, 1, [])
 
 
 def test_an_overlap_that_is_made_up_is_noticed(monkeypatch):
@@ -415,5 +427,5 @@ def test_an_overlap_that_is_made_up_is_noticed(monkeypatch):
         return replace(found, warned=tuple(w.replace("at (0.", "at (40.") for w in found.warned))
 
     monkeypatch.setattr(judge_warned, "run", beside)
-    told, wrong = judge_warned.judge(5013)
-    assert told and len(wrong) == 1
+    told, overlaps, wrong = judge_warned.verdict(5013)
+    assert told and overlaps == len(wrong) == 1
