@@ -268,7 +268,7 @@ def compare(court: Court, first: Run) -> list[tuple[str, str]]:
         out += [(kind, f"{name}: {text}") for kind, text in against(court, first, second, way)]
     linear = {c.method for c in s.contacts if c.primary and not c.tied}
     if s.seed % EVERY == 0 and linear and not first.warned and first.error is None:
-        out += [("WRONG", text) for text in compare_methods(s, made, first)]
+        out += [("WRONG", text) for text in compare_methods(court)]
     return out
 
 
@@ -302,7 +302,7 @@ def against(court: Court, first: Run, second: Run, way: Way) -> list[tuple[str, 
             for group in court.groups
         }
         worst = max(off, key=lambda n: off[n])
-        if off[worst] > same * most:
+        if off[worst] > max(same * most, court.faint):  # below that nothing presses
             text = f"step {k}: {'+'.join(worst)} differs by {off[worst] / most:.1e} of the forces"
             told = {answer.message for answer in (a, b)}
             several = (s.mu >= SEVERAL or s.jumps) and not way.turn
@@ -328,9 +328,10 @@ def reported(s: Scene, way: Way, k: int) -> bool:
     return any(words in text for words in told)
 
 
-def compare_methods(s: Scene, made: Any, first: Run) -> list[str]:
+def compare_methods(court: Court) -> list[str]:
     """Mortar and node to face: resultants are alike up to a part of the largest force."""
-    runs = {m: run(s, Way(method=m), made) for m in ("mortar", "node")}
+    s = court.s
+    runs = {m: run(s, Way(method=m), court.made) for m in ("mortar", "node")}
     one, two = runs.values()
     if one.error or two.error or one.warned or two.warned:
         return []
@@ -339,7 +340,7 @@ def compare_methods(s: Scene, made: Any, first: Run) -> list[str]:
     for k, (a, b) in enumerate(zip(one.answers, two.answers, strict=True)):
         for name, told in a.contacts.items():
             off = float(np.abs(told.force - b.contacts[name].force).max())
-            if off > METHODS * most:
+            if off > max(METHODS * most, court.faint):
                 return [f"methods, step {k}: {name}: {told.force} against {b.contacts[name].force}"]
     return []
 

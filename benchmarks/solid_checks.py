@@ -35,6 +35,7 @@ CHORD = 0.5
 #: on triangles (dual functions are negative at neighbours), more on quadrilaterals and where a node
 #: has shares of neighbours whose faces are covered in part: 1.15 was seen.
 MEAN = 2.0
+ENDS = 0.1  # of a facet: points so far beyond the end of the primary press on it, node by node
 LOADED = 0.02  # of the largest nodal force: a point that carries
 
 
@@ -444,12 +445,17 @@ class Court:
         apart = float(np.abs(self.gap0(c)).max())
         turn = max(float(one.turn.max()), float(two.turn.max()))
         chord = turn * (one.h + two.h) * (turn > 1e-9)
-        size = float(np.abs(a.contacts[c.name].forces).sum())
+        told = a.contacts[c.name]
+        size = float(np.abs(told.forces).sum())
         friction = 0.0 if c.friction is None and not c.tied else 1.0
-        return (
-            2
-            * size
-            * ((apart + chord) * (friction + 2 * turn) + 2 * c.interference * self.s.size * friction)
+        beside = 0.0
+        if self.s.finite and c.method == "node":
+            # points up to a tenth of a facet beyond the end press on the end (docs/sliding.md)
+            off = feet(told.points, two).off
+            off[off > ENDS * min(one.h, two.h)] = 0.0
+            beside = float(np.abs(told.forces).sum(axis=1) @ off)
+        return beside + 2 * size * (
+            (apart + chord) * (friction + 2 * turn) + 2 * c.interference * self.s.size * friction
         )
 
     def gap0(self, c: ContactSpec) -> np.ndarray:

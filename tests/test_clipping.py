@@ -125,3 +125,19 @@ def test_pieces_of_one_sheet_are_no_rivals():
     """Faces with a common vertex over one cell, and sheets over different cells, stay as they are."""
     vertices = np.array([[0, 1, 2], [2, 3, 4], [7, 8, 9]])
     assert several_sheets(np.array([0, 0, 1]), vertices) == []
+
+
+def test_corners_that_are_none_are_left_out():
+    """On an edge, and twice at the same place: a square has four, and its middle is its own."""
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    more = [[0, 0, 1, 2, 3], [0, 1, 1, 2, 2, 3], [0, 1, 2, 3, 3, 3, 0], [0, 1, 2, 3]]
+    for corners in ([square[i] for i in some] for some in more):
+        corners = [*corners[:1], np.array([0.4, 1e-17]), *corners[1:]] if len(corners) < 6 else corners
+        for k in range(len(corners)):
+            x = np.roll(corners, k, axis=0)
+            found = Polygons(x[None], np.array([len(x)])).plain(np.array([1e-12]))
+            assert found.count[0] == 4 and found.areas[0] == pytest.approx(1.0, abs=1e-15)
+            np.testing.assert_allclose(found.middles[0], [0.5, 0.5], atol=1e-15)
+    # what is thin as a whole is left as it is
+    thin = Polygons(square[None] * [1.0, 1e-13], np.array([4]))
+    assert thin.plain(np.array([1e-12])).count[0] == 4

@@ -82,7 +82,8 @@ def test_a_block_that_hardly_moves(by):
     assert validity.holds and validity.worst < 1.0 and not validity.problems
     part = validity.contacts["joint"]
     assert part.overlap < 0.25 * part.drift.approach and part.unseen == 0
-    assert 0.01 <= part.drift.approach < 0.015
+    # what is given is taken up, to round-off of places of the order of one
+    assert 0.01 - 1e-12 <= part.drift.approach < 0.015
     assert "Validity of the model: holds" in result.report()
 
 

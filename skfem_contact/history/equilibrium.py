@@ -178,9 +178,11 @@ class EquilibriumSearch:
             motions, free = model.motions, self._sliding(self.refuted)[:, None]
         if free is not None:
             return Verdict(free, motions, f=attempt.case.f, shown=shown, carries=carries)
-        interface, kin, culprit = model.interface, attempt.problem.kin, attempt.culprit
-        if culprit >= 0 and _has_corners(interface.contacts[interface.contact_of(culprit)]):
-            return Verdict(advice=CORNERS)
+        interface, kin = model.interface, attempt.problem.kin
+        named = attempt if attempt.culprit >= 0 else self.advance.unsettled or attempt
+        at = named.culprit
+        if at >= 0 and _has_corners(interface.contacts[interface.contact_of(at)]):
+            return Verdict(advice=("" if named is attempt else FIRST.format(named.failure)) + CORNERS)
         if attempt.stateless is not None:
             return Verdict(advice=JUMPS + _stateless(attempt))
         changes = attempt.outcome.iterate.changes
@@ -291,6 +293,7 @@ JUMPS = (
     "that begins at zero, Coulomb(mu, tau_max=...) with a large mu, is free of that, and so is a bond "
     "that never opens, Contact(separation=False). "
 )
+FIRST = "A larger part of the step came to this: {}. "
 CORNERS = (
     "Its surfaces have sharp corners. Usually a face gives way to the next one there: the "
     "body snaps from the one to the other, and between them there is no equilibrium, "

@@ -256,11 +256,14 @@ class Attempt:
 class Advance:
     """The way that a load step has come, and the last attempt, which says whether it has arrived.
 
+    `unsettled` is the last attempt whose pairing did not settle, since a part of the step was reached:
+    of smaller parts, which begin on its pairing, the loop may fail before they come to pair anew.
     `carried` is the largest share of it that a loading machine has come to, where it did not arrive.
     """
 
     energy: Energy
     attempt: Attempt = field(init=False)
+    unsettled: Attempt | None = None
     trace: list[Record] = field(default_factory=list)
     cuts: int = 0
     substeps: int = 1
@@ -269,6 +272,10 @@ class Advance:
     def came_to(self, attempt: Attempt, done: float, aim: float) -> None:
         """The last attempt, at the part of the step between two shares of it."""
         self.attempt = attempt
+        if attempt.good:
+            self.unsettled = None
+        elif attempt.culprit >= 0 and attempt.travel <= 1.0:
+            self.unsettled = attempt
         if attempt.carried is not None:
             self.carried = done + (aim - done) * attempt.carried.share
 

@@ -75,6 +75,30 @@ class Polygons:
         both = stacked([self, other])
         return both.some(np.where(condition, np.arange(n), n + np.arange(n)))
 
+    def plain(self, least: Array) -> Polygons:
+        """Without corners that span no more than an area (p,) with both beside them.
+
+        Where edges lie on each other round-off says whether there is a corner on them, or two at the
+        same place: middles and triangles would depend on it.
+        """
+        out, place = self, np.arange(self.corners.shape[1])
+        while True:
+            there, last = place < out.count[:, None], out.count[:, None] - 1
+            after, before = np.where(place < last, place + 1, 0), np.where(place > 0, place - 1, last)
+            ahead, behind = (
+                np.take_along_axis(out.corners, np.maximum(to, 0)[..., None], axis=1) - out.corners
+                for to in (after, before)
+            )
+            flat = there & (np.abs(cross(ahead, behind)) <= 2 * least[:, None])
+            # of two at the same place one
+            drop = flat & ~np.take_along_axis(flat, np.maximum(before, 0), axis=1)
+            if not drop.any():
+                return out
+            keep = there & ~drop
+            order = np.argsort(~keep, axis=1, kind="stable")
+            corners = np.take_along_axis(out.corners, order[..., None], axis=1)
+            out = _padded(corners, keep.sum(axis=1))
+
     def fans(self, round_middle: bool = False) -> tuple[Index, Array]:
         """Triangles of the polygons: whose they are (t,), and their corners (t, 3, 2).
 

@@ -181,7 +181,7 @@ def segment(
     e, f, images, windows = e[there], f[there], images[there], windows[there]
     pieces = clip(images, windows)
     some = np.flatnonzero(pieces.areas > COMPUTED * own.areas[e])
-    e, f, pieces = e[some], f[some], pieces.some(some)
+    e, f, pieces = e[some], f[some], pieces.some(some).plain(COMPUTED * own.areas[e[some]])
     gaps = partial(_gaps, secondary, primary, cells)
     gap = gaps(e, f, pieces.middles)
     looks = np.sum(own.axes[e, 2] * other.axes[f, 2], axis=1)

@@ -199,14 +199,8 @@ def test_friction_goes_along_with_a_vertex(law, method):
     np.testing.assert_allclose(ratio[3:], np.broadcast_to(expected, ratio.shape)[3:], atol=0.01)
 
 
-# node by node the loop gives up at the corner before the pairing does, and its words name no point
-UNNAMED = pytest.mark.xfail(reason="refused, but not by name", strict=True)
-
-
 @pytest.mark.filterwarnings("ignore::skfem_contact.ContactWarning")
-@pytest.mark.parametrize(
-    "method", [pytest.param("node", marks=UNNAMED), pytest.param("mortar", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("method", ["node", pytest.param("mortar", marks=pytest.mark.slow)])
 def test_a_square_led_round_a_corner_is_refused_by_name(method):
     """Face to face round a square corner is no equilibrium: the words say where, and what to do."""
     solver, put = scene("disc", method, "both", shape="square")

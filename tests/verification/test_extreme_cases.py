@@ -125,7 +125,8 @@ def test_X5_raous_block_with_large_friction(mu, refused):
     last = np.flatnonzero(status)[-1]
     assert last < len(status) - 1 and not status[last + 1 :].any()
     assert (status[: last - 1] == 1).all()
-    # bounds are round-off of pressures, times the coefficient
+    # where a point slips its friction is mu times a pressure, which a solve knows to 1.1e-16 of the
+    # largest one at best (unit round-off): mu times that is out of balance
     assert result.certificate.worst < max(1e-12, 1e-16 * mu)
 
 

@@ -92,8 +92,8 @@ class ContactWatch:
         sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
         bodies = [self.system.index(side.body) for side in sides]
         # the diagonal of K at a surface is of the order of the modulus, whatever the mesh; in 3-D
-        # of half of it times the size of a face
-        stiff = [diagonals[b][side.dofs] for b, side in zip(bodies, sides, strict=True)]
+        # of half of it times the size of a face. Its mean over the axes is the same in all axes
+        stiff = [diagonals[b][side.dofs].mean(axis=1) for b, side in zip(bodies, sides, strict=True)]
         self.extent = sum(supports[b].arm for b in bodies)
         size = [1.0 if self.dim == 2 else 0.5 * float(np.median(side.lengths)) for side in sides]
         self.soft = sum(soft(h, d) for h, d in zip(size, stiff, strict=True))

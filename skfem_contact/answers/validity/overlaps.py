@@ -1,10 +1,10 @@
-"""Overlaps that contact conditions do not see: of bodies that slide far, and with obstacles.
+"""Overlaps that contact conditions do not see: of two bodies, and with obstacles.
 
-Anything may come to overlap in any step. The points of both surfaces, and those between them, are
-looked for in the whole body on the other side after every step, by what a step knows of displacements:
-those of contact surfaces and supports, extrapolated to the rest of the boundary (`Extrapolation`).
-That is a suspicion: the verdict is that of `assess`, with all displacements. With small sliding
-overlaps grow as forces do, and `watch` has them measured once for every doubling.
+The points of both surfaces, and those between them, are looked for in the whole body on the other
+side, by what a step knows of displacements: those of contact surfaces and supports, extrapolated to the
+rest of the boundary (`Extrapolation`). That is a suspicion: the verdict is that of `assess`, with all
+displacements. Where bodies slide far anything may come to overlap in any step; with small sliding
+overlaps of solids grow as forces do, and `watch` looks once for every doubling.
 
 What obstacles hide goes by kinds that each have a shape for it:
 
@@ -15,12 +15,13 @@ What obstacles hide goes by kinds that each have a shape for it:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import A_TENTH, OVERLAP, SAGITTA
+from skfem_contact.answers.thresholds import A_TENTH, ALONE, SAGITTA
 from skfem_contact.answers.validity.chords import bends, drawn_off, kinked_faces
 from skfem_contact.answers.validity.deformed_boundaries import (
     Boundary,
@@ -28,7 +29,7 @@ from skfem_contact.answers.validity.deformed_boundaries import (
     signed_distance,
     within,
 )
-from skfem_contact.answers.validity.edges import crossing, sharp_edges_of
+from skfem_contact.answers.validity.edges import Edges, crossing, sharp_edges_of
 from skfem_contact.answers.validity.support import Extrapolation
 from skfem_contact.answers.validity.track import Track
 from skfem_contact.answers.validity.validity import Drift
@@ -49,8 +50,8 @@ from skfem_contact.pairing.node import Pairing, node_to_segment
 from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 
 #: Triangles this many times as large as the faces that meet them: smaller ones are a bend themselves.
@@ -58,35 +59,71 @@ LARGER = 2.0
 
 
 class Overlaps:
-    """The facts that are known beforehand of all contacts between two bodies that slide far."""
+    """The facts that are known beforehand of all contacts between two bodies that may overlap.
 
-    def __init__(self, geometry: Geometry) -> None:
+    Parameters
+    ----------
+    geometry : Geometry
+    known : callable
+        Gives the DOFs whose displacements are known without the interior.
+
+    Attributes
+    ----------
+    far, near : list of int
+        Contacts that slide far, to be looked at after every step, and solids with small sliding.
+    """
+
+    def __init__(self, geometry: Geometry, known: Callable[[], Index]) -> None:
         self.geometry, self.system, self.contacts = geometry, geometry.system, geometry.contacts
-        known = np.zeros(self.system.n, dtype=bool)
-        known[geometry.surface_dofs] = True
-        known[self.system.D] = True
+        self.known = known
         self.held = np.asarray(self.system.D)
-        self.looked = [
-            i for i, c in enumerate(self.contacts) if of_two_bodies(c) and c.sliding == "finite"
-        ]
-        bodies = {self.system.index(s.body) for i in self.looked for s in sides_of(self.contacts[i])}
-        self.nodes = {
+        two = [i for i, c in enumerate(self.contacts) if of_two_bodies(c)]
+        self.far = [i for i in two if self.contacts[i].sliding == "finite"]
+        self.near = [i for i in two if i not in self.far and self.contacts[i].secondary.dim == 3]
+
+    @cached_property
+    def nodes(self) -> dict[int, BoundaryNodes]:
+        """The boundaries of all bodies that are looked at, by number."""
+        bodies = {
+            self.system.index(s.body) for i in self.far + self.near for s in sides_of(self.contacts[i])
+        }
+        return {
             b: BoundaryNodes.of(body)
             for b, body in enumerate(self.system.bodies)
             if b in bodies and isinstance(body, Body)
         }
-        self.unknown = {b: Extrapolation(self.system, nodes, known) for b, nodes in self.nodes.items()}
-        self.chords = {i: [drawn_off(s) for s in sides_of(self.contacts[i])] for i in self.looked}
-        self.edges = {
-            i: [sharp_edges_of(s) for s in sides_of(self.contacts[i])]
-            for i in self.looked
-            if self.contacts[i].secondary.dim == 3
-        }
 
-    def look(
+    @cached_property
+    def beside_surfaces(self) -> dict[int, Extrapolation]:
+        """What surfaces that slide far do not tell of them."""
+        return self._beside(self.geometry.surface_dofs)
+
+    @cached_property
+    def beside_contacts(self) -> dict[int, Extrapolation]:
+        """What is not known of them without the interior."""
+        return self._beside(self.known())
+
+    def _beside(self, dofs: Index) -> dict[int, Extrapolation]:
+        known = np.zeros(self.system.n, dtype=bool)
+        known[dofs] = True
+        known[self.held] = True
+        return {b: Extrapolation(self.system, nodes, known) for b, nodes in self.nodes.items()}
+
+    @cached_property
+    def chords(self) -> dict[int, list[float]]:
+        """How far what is drawn of both sides stands off them, by the contact's number."""
+        return {i: [drawn_off(s) for s in sides_of(self.contacts[i])] for i in self.far + self.near}
+
+    @cached_property
+    def edges(self) -> dict[int, list[Edges]]:
+        """Edges of both sides of solids, by the contact's number."""
+        solid = [i for i in self.far + self.near if self.contacts[i].secondary.dim == 3]
+        return {i: [sharp_edges_of(s) for s in sides_of(self.contacts[i])] for i in solid}
+
+    def look_far(
         self, state: State, case: LoadCase, tracks: Sequence[Track], drifts: Sequence[Drift]
     ) -> frozenset[int]:
-        """Numbers of contacts that seem to overlap by more than their bounds.
+        """Numbers of contacts that slide far and seem to overlap by more than their bounds.
 
         Parameters
         ----------
@@ -94,11 +131,46 @@ class Overlaps:
         tracks, drifts : sequence of Track and Drift
             Of every contact.
         """
+        if not self.far:
+            return frozenset()
         u = self.geometry.spread(state.surface)
         u[self.held] = case.x[self.held]
-        parts = {b: unknown.filled(u) for b, unknown in self.unknown.items()}
+        return self._look(self.far, self.beside_surfaces, u, case, tracks, drifts)
+
+    def look_near(
+        self, i: int, u: Array, case: LoadCase, tracks: Sequence[Track], drifts: Sequence[Drift]
+    ) -> bool:
+        """Whether solids with small sliding seem to, by displacements (n,) of contacts and supports."""
+        hidden = self._hidden(i, tracks[i])
+        return hidden or bool(self._look([i], self.beside_contacts, u, case, tracks, drifts))
+
+    def _hidden(self, i: int, track: Track) -> bool:
+        """Whether nodes in no row lie among those that are: only the interior knows their places."""
+        known = np.zeros(self.system.n, dtype=bool)
+        known[self.known()] = known[self.held] = True
+        x = np.concatenate([track.points[track.paired], track.feet[track.paired]])
+        if not len(x):
+            return True
+        room = float(np.max(np.abs(track.points - track.feet))) + float(np.max(track.sagittas))
+        room += SOLVED * self.system.extent
+        box = x.min(axis=0) - room, x.max(axis=0) + room
+        return any(
+            within(side.points[~known[self.system.slice(side.body)][side.dofs].all(axis=1)], box).any()
+            for side in sides_of(self.contacts[i])
+        )
+
+    def _look(
+        self,
+        some: Sequence[int],
+        beside: dict[int, Extrapolation],
+        u: Array,
+        case: LoadCase,
+        tracks: Sequence[Track],
+        drifts: Sequence[Drift],
+    ) -> frozenset[int]:
+        parts = {b: unknown.filled(u) for b, unknown in beside.items()}
         found, noise = set(), SOLVED * self.system.extent
-        for i in self.looked:
+        for i in some:
             added = tracks[i].added - case.interference[self.geometry.point_slices[i]]
             added, approach = np.nan_to_num(added), drifts[i].approach
             numbers = [self.system.index(side.body) for side in sides_of(self.contacts[i])]
@@ -126,7 +198,7 @@ class Overlaps:
     ) -> bool:
         """Whether points of one side of a contact lie in the other body, deeper than their bound.
 
-        The bound is that of `ContactValidity.excess`, with what is known of the approach.
+        The bound is the lower one of `ContactValidity.excess`, with what is known of the approach.
         """
         side, chords = sides_of(self.contacts[i])[k], self.chords[i]
         # what supports hold in the other body is warned of as that
@@ -137,7 +209,7 @@ class Overlaps:
             (nodes[k][free], chords[1 - k]),
             (between.reshape(-1, side.dim), sum(chords)),
         ):
-            bound = max(explained + OVERLAP * approach, noise)
+            bound = max(explained + ALONE * approach, noise)
             points = points[within(points, other.box)]
             if not len(points):
                 continue

@@ -80,7 +80,8 @@ class Support:
             return cls(D + start, one[:, D], body.dof_points[0], arm, free, one[D])
         box = body.basis.mesh.p
         centre = 0.5 * (box.min(axis=1) + box.max(axis=1))
-        arm = float(np.ptp(box, axis=1).max())
+        # the length of a bar whose nodes scatter as much: the same in all axes
+        arm = float(np.sqrt(12.0 * np.linalg.eigvalsh(np.cov(box, bias=True))[-1]))
         modes = unit_motions(body.dof_points[D], centre, arm)
         modes = modes[np.arange(len(D)), body.dof_component[D]]
         motions = np.eye(modes.shape[1])
@@ -184,7 +185,7 @@ class Extrapolation:
 
 
 def soft(size: float, stiff: Array) -> float:
-    """Approach of a side under a force, from the diagonal of its K; zero of a rigid one."""
+    """Approach of a side under a force, by the stiffness (m,) of its nodes; zero of a rigid one."""
     return float(size / np.median(stiff[stiff > 0])) if (stiff > 0).any() else 0.0
 
 

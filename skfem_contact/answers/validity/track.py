@@ -184,7 +184,12 @@ class Track:
         """By how much slips (m, d) of closed points differ; in the plane along the surface [length]."""
         if stretch.shape[1] == 2:
             return float(np.ptp(dot(stretch, self.tangent[:, 0])[closed]))
-        return float(np.linalg.norm(np.ptp(stretch[closed], axis=0)))
+        stretch = stretch[closed]
+        end = stretch.mean(axis=0)
+        for _ in range(2):  # the one that differs most from the mean, and that which does from it
+            away = np.linalg.norm(stretch - end, axis=1)
+            end = stretch[np.argmax(away)]
+        return float(away.max())
 
     def drift(
         self,

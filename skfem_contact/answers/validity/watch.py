@@ -15,7 +15,7 @@ from skfem_contact.answers.thresholds import A_TENTH, PRESSED, SUSPECTED
 from skfem_contact.answers.validity.assess import Assessment
 from skfem_contact.answers.validity.contact_watch import ContactWatch
 from skfem_contact.answers.validity.locking import lockable, may_lock
-from skfem_contact.answers.validity.overlaps import Overlaps, of_two_bodies
+from skfem_contact.answers.validity.overlaps import Overlaps
 from skfem_contact.answers.validity.strain import leaning, rigid_rotations
 from skfem_contact.answers.validity.support import Support
 from skfem_contact.answers.validity.validity import Diagnostics, Issued
@@ -24,6 +24,7 @@ from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import State
+from skfem_contact.digits import SOLVED
 from skfem_contact.errors import warn
 
 Array = NDArray[np.float64]
@@ -59,7 +60,7 @@ class Watch:
         self.moves = kin.tangents == self.dim - 1
         if not self.moves:  # a scalar field
             return
-        self.overlaps = Overlaps(geometry)
+        self.overlaps = Overlaps(geometry, known)
         bodies = zip(self.system.bodies, self.system.offsets[:-1], strict=True)
         self.supports = [Support.of(b, int(start), arm=self.system.extent) for b, start in bodies]
         self.watches = [
@@ -140,9 +141,7 @@ class Watch:
             turns,
             issued,
             tuple(self.tracks),
-            self.overlaps.look(state, case, self.tracks, drifts)
-            if self.overlaps.looked
-            else frozenset(),
+            self.overlaps.look_far(state, case, self.tracks, drifts),
             {i: text for i, text in enumerate(undetected) if text},
             stretches=stretches,
         )
@@ -184,20 +183,20 @@ class Watch:
             One for each contact and body, with the numbers and the setting to change.
         """
         known = result.diagnostics
-        suspected, bodies = self._suspected(result), self._strained(result)
-        if not (suspected or bodies or known.leaning):
+        suspected, looked = self._suspected(result)
+        bodies, seen = self._strained(result)
+        new = set(looked | seen)
+        if not (suspected or bodies or known.leaning or new):
             return known
         measured = Assessment(result)
-        new: set[tuple[str, str]] = set()
-        for i, (kinds, seen) in suspected.items():
+        for i, kinds in suspected.items():
             contact, name = self.contacts[i], self.interface.names[i]
             found = measured.of_contact(i, kinds)
-            new |= seen | {(kind, name) for kind in found}
+            new |= {(kind, name) for kind in found}
             if found:
                 warn(f"Contact {name!r} ({contact.label}): " + " ".join(found.values()) + ONCE)
         problems = leaning(known.leaning)
-        for name, seen in bodies.items():
-            new |= seen
+        for name in bodies:
             problems |= {(kind, name): words for kind, words in measured.of_body(name).items()}
         for key, words in problems.items():
             if key not in known.issued:
@@ -210,44 +209,49 @@ class Watch:
         """Whether some body may lock, whatever the answer is."""
         return any(map(may_lock, self.system.bodies))
 
-    def _suspected(self, result: Answer) -> dict[int, tuple[set[str], Issued]]:
-        """What seems to be wrong with contacts and has not been said, by kind; what is to be kept.
+    def _suspected(self, result: Answer) -> tuple[dict[int, set[str]], Issued]:
+        """What seems to be wrong with contacts and has not been said, by kind; looks that are kept.
 
         Where corners and edges may stand between points that press, overlaps are looked for at the
         first step, and once for each doubling of the approach; before anything presses, of the motion.
         """
         known, case = result.diagnostics, result.case
-        found: dict[int, tuple[set[str], Issued]] = {}
+        found: dict[int, set[str]] = {}
+        looked = Issued()
         if not self.moves:
-            return found
-        for i, (drift, contact) in enumerate(zip(known.drifts, self.contacts, strict=True)):
-            name, seen, measured = self.interface.names[i], Issued(), False
-            small = contact.sliding == "small"
-            if self.watches[i].of_triangles or (self.dim == 3 and small and of_two_bodies(contact)):
+            return found, looked
+        for i, drift in enumerate(known.drifts):
+            name, overlaps = self.interface.names[i], i in known.intrusions
+            if self.watches[i].of_triangles or i in self.overlaps.near:
                 # sizes of vectors: the same in whatever axes
                 moved = max(float(np.linalg.norm(v)) for v in (case.x, case.motion[i].translation))
-                seen = _seen("overlap", name, drift.approach or moved)
-                measured = not seen & known.issued
+                seen = _look("overlap", name, drift.approach or moved, known.issued)
+                looked |= seen
+                if seen and i in self.overlaps.near:
+                    u = result.recover.at_contact()
+                    at = result.worn_case, self.tracks, known.drifts
+                    overlaps |= self.overlaps.look_near(i, u, *at)
+                else:
+                    overlaps |= bool(seen)
             beyond = {
                 "sliding": not drift.small_sliding_holds,
                 "facets": self.watches[i].seems_coarse(result, drift),
-                "overlap": (i in known.intrusions or i in known.undetected or measured)
-                and not known.prescribed(name),
+                "overlap": (overlaps or i in known.undetected) and not known.prescribed(name),
             }
             kinds = {kind for kind in beyond if beyond[kind] and (kind, name) not in known.issued}
             if kinds:
-                found[i] = kinds, seen
-        return found
+                found[i] = kinds
+        return found, looked
 
-    def _strained(self, result: Answer) -> dict[str, Issued]:
+    def _strained(self, result: Answer) -> tuple[list[str], Issued]:
         """Bodies that seem to be strained, to turn or to lock, and have not been said to.
 
-        With what is to be kept: whether a body locks does not depend on the size of its load, and is
+        With looks that are kept: whether a body locks does not depend on the size of its load, and is
         looked at once each doubling of its approach.
         """
-        found: dict[str, Issued] = {}
+        found, looked = list[str](), Issued()
         if not self.moves:
-            return found
+            return found, looked
         known, lock = result.diagnostics, lockable(result) if self._may_lock else []
         size = dict.fromkeys(self.solids, (0.0, 0.0))
         for drift, watch in zip(known.drifts, self.watches, strict=True):
@@ -263,13 +267,19 @@ class Watch:
                 "locking": name in lock,
             }
             kinds = {kind for kind in beyond if beyond[kind] and (kind, name) not in known.issued}
-            seen = _seen("volumes", name, approach) if "locking" in kinds else Issued()
-            if kinds - ({"locking"} if seen & known.issued else set()):
-                found[name] = seen
-        return found
+            look = "locking" in kinds
+            seen = _look("volumes", name, approach, known.issued) if look else Issued()
+            looked |= seen
+            if seen or kinds - {"locking"}:
+                found.append(name)
+        return found, looked
 
 
-def _seen(what: str, name: str, approach: float) -> Issued:
-    """Return what is kept of a look that is taken once each doubling of an approach."""
-    doublings = np.floor(np.log2(approach)) if approach > 0 else None
-    return Issued({(f"seen {what}", f"{name} {doublings}")})
+def _look(what: str, name: str, approach: float, issued: Issued) -> Issued:
+    """What is kept of a look at an approach, twice or half of all that were looked at; else nothing."""
+    kind = f"seen {what}"
+    before = [of.rpartition(" ") for key, of in issued if key == kind]
+    for size in (float(size) for of, _, size in before if of == name):
+        if size == approach or max(size, approach) < 2.0 * (1 - SOLVED) * min(size, approach):
+            return Issued()
+    return Issued({(kind, f"{name} {approach:.17g}")})
