@@ -12,7 +12,9 @@ changed. Where contact slides far, they are on pairings that approach that of th
 
 At a limit load of perfect plasticity tangents are singular in the motions of plastic flow. Where the
 residual does not fall, the tangents of the undeformed bodies are added in the sixth digit: such motions
-stay finite then, and the others come as near with every iterate as before, but for that digit.
+stay finite then, and the others come as near with every iterate as before, but for that digit. Rubber
+that keeps its volume has pressures of any size at iterates, and with them tangents that are not positive
+definite: for one iterate as much of the undeformed ones is added, or ten times that, and it ends nearer.
 
 A step may lead too far. It is halved until the residual of equilibrium of all bodies has become
 smaller, with contact forces between those of both ends. Where that fails, the load step is cut, here
@@ -43,7 +45,14 @@ from skfem_contact.history.refined import ROUGH, UNSOLVED, holds, refined, usabl
 from skfem_contact.history.remarks import remarks
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.stepping import Bisection, settled, travelled
-from skfem_contact.history.thresholds import CONTACT_ITERATIONS, FAR, LONGER, NOISE, SHORTER
+from skfem_contact.history.thresholds import (
+    CONTACT_ITERATIONS,
+    FAR,
+    LONGER,
+    NOISE,
+    SHIFTS,
+    SHORTER,
+)
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.thresholds import DECREASE, HALVINGS
 from skfem_contact.problem.model import LinearModel
@@ -186,10 +195,12 @@ class NonlinearSearch:
                     return self._gives_up()
             there, share, norm = self._stepped(part, begin, (at, forces, left), solved)
             if there is None or solved.attempt is None:
-                if shift:
+                stiffer = [share for share in SHIFTS if share > shift]
+                if not stiffer:
                     return self._gives_up(solved.verdict)
-                exact, shift = True, GIVEN
+                exact, shift = True, stiffer[0]
                 continue
+            shift = min(shift, SHIFTS[0])
             attempt = solved.attempt
             forces = solved.forces if forces is None else forces + share * (solved.forces - forces)
             missing, limit, scale = self._residual(part.target, there, forces)
