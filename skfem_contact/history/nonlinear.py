@@ -13,8 +13,8 @@ changed. Where contact slides far, they are on pairings that approach that of th
 At a limit load of perfect plasticity tangents are singular in the motions of plastic flow. Where the
 residual does not fall, the tangents of the undeformed bodies are added in the sixth digit: such motions
 stay finite then, and the others come as near with every iterate as before, but for that digit. Rubber
-that keeps its volume has pressures of any size at iterates, and tangents that are not positive definite:
-for one iterate as much of the undeformed ones is added, or ten times that, and it ends nearer.
+that keeps its volume has large pressures at iterates, and tangents that are not positive definite: for
+one iterate as much of the undeformed ones is added, or ten times that, and it ends nearer.
 
 A step may lead too far. It is halved until the residual of equilibrium of all bodies has become
 smaller, with contact forces between those of both ends. Where that fails, the load step is cut, here
