@@ -7,11 +7,11 @@ Each scene follows from its number: a block of steel that yields or of rubber, u
 one that yields itself, a rigid plane or a rigid cylinder, which is moved or, where it has a stiffness,
 pressed by forces; without friction, or by Coulomb or Tresca; down, about, and back the way it came.
 
-* *step*: the work of the forces at the end of a step is that of all internal forces, of friction and of
-  gaps that close under pressure, 1e-8. It is an identity of the step itself, however long it is.
-* *way*: by the trapezoidal rule the work put in is what bodies store, and what plastic flow and friction
-  take. This is true of short steps: what is missing falls with the step. Where nothing is lost, the
-  work of coming back is that of going, *back*, 1e-8.
+* *step*: the work of the forces at the end of a step is that of all internal forces, of friction and
+  of gaps that close under pressure, 1e-8. It is an identity of the step, however long it is.
+* *way*: by the trapezoidal rule the work put in is what bodies store, and what plastic flow and
+  friction take. This is true of short steps: what is missing falls with the step. Where nothing is
+  lost, the work of coming back is that of going, *back*, 1e-8.
 * *seen*: bodies in the other order, turned by 90 and by 30 degrees, in other units: forces, 1e-8.
 * *cut*: a step that fails changes nothing of what it began from, and the next is as if it had not been.
 """
@@ -225,7 +225,7 @@ def examine(s: Scene) -> tuple[list[str], dict[str, float]]:
     holds("step", steps_missing(built, results), SAME)
     missing = []
     for parts in (1, 4):
-        fine = Built(s)
+        fine = built if parts == 1 else Built(s)
         found = results if parts == 1 else fine.history(between(s.way, parts))
         off, back = ways_missing(fine, found, between(s.way, parts))
         missing.append(off)
@@ -333,7 +333,7 @@ def judge(seed: int) -> Verdict:
         except (sc.NotConverged, sc.NoEquilibrium) as error:
             kind, words = "refused", [f"{type(error).__name__}: {str(error)[:300]}"]
         except Exception:
-            kind, words = "WRONG", [traceback.format_exc()]
+            kind, words = "WRONG", [traceback.format_exc()[-400:]]
     if kind == "right" and caught:
         kind = "warned"
     words += sorted({str(w.message)[:150] for w in caught})

@@ -368,7 +368,9 @@ class NonlinearSearch:
         missing = there.internal - case.f - forces
         acting = [np.max(np.abs(part), initial=0.0) for part in (case.f, forces, missing[system.D])]
         missing[system.D] = 0.0  # supports bear it
-        moved = [float(np.max(np.abs(there.u[system.slice(body)]))) for body in system.bodies]
+        # where nothing acts in the end, round-off is that of what the step began with
+        size = np.maximum(np.abs(there.u), np.abs(self.placed.u))
+        moved = [float(np.max(size[system.slice(body)])) for body in system.bodies]
         noise = NOISE * float(np.max(np.multiply(self.stepper.model.stiffest, moved)))
         scale = max(*acting, noise, np.finfo(float).tiny)
         return missing, max(self.stepper.options.tolerance * scale, noise), float(scale)
