@@ -82,15 +82,12 @@ class Solved:
     forces : ndarray, shape (n,)
         Of contact, on the DOFs [force].
     verdict : Verdict
-    search : EquilibriumSearch or None
-        How contact was solved exactly; None where it took a few iterations.
     """
 
     attempt: Attempt | None
     u: Array
     forces: Array
     verdict: Verdict = ARRIVED
-    search: EquilibriumSearch | None = None
 
 
 @dataclass(eq=False)
