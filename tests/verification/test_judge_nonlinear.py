@@ -72,9 +72,9 @@ def test_friction_that_is_wrong_is_seen_in_a_step(rubbed):
 @pytest.mark.parametrize("by", [0.0, 2.0])
 def test_energy_that_is_lost_or_won_is_seen_on_the_way(rubbed, by):
     """Dissipation that is left out, or counted twice: what is missing does not fall with the step."""
-    s = bench.scene(25)
+    s = bench.scene(27)  # of rubber, which misses less by itself
     missing = []
-    for parts in (1, 4):
+    for parts in (1, 3):
         built, way = bench.Built(s), bench.between(s.way, parts)
         results = [
             Spoiled(result, dissipation_total=by * result.dissipation_total)
