@@ -36,7 +36,7 @@ import skfem_contact as sc
 
 HERE = Path(__file__).parent
 STORED = HERE / "results" / "judge_nonlinear.json"
-PAGE = HERE.parent / "docs" / "judge.md"
+PAGE = HERE.parent / "docs" / "checks" / "judge.md"
 BEGIN, END = "<!-- nonlinear table: begin -->", "<!-- nonlinear table: end -->"
 SAME = 1e-8  # of the largest force, or energy: round-off, and the tolerance of equilibrium
 #: What is missing to the balance of a way, of the energy that was put in, with steps of a third: of
@@ -111,8 +111,10 @@ def material(s: Scene, stress: float) -> Any:
     if s.material == "ideal":
         return sc.J2(E * stress, NU, YIELD * stress)
     if s.material == "neo-Hooke":
-        return sc.NeoHooke.of(modulus * stress, nu)
-    return sc.MooneyRivlin(modulus * stress / 8, modulus * stress / 20, bulk=3 * modulus * stress)
+        return sc.materials.NeoHooke.of(modulus * stress, nu)
+    return sc.materials.MooneyRivlin(
+        modulus * stress / 8, modulus * stress / 20, bulk=3 * modulus * stress
+    )
 
 
 def bears(s: Scene) -> float:
@@ -186,10 +188,12 @@ class Built:
         size = bears(self.scene) * self.seen.stress if self.loaded is None else self.seen.length
         return size * (self.turn @ (place[1], -place[0]))
 
-    def history(self, way: np.ndarray) -> list[sc.ContactResult]:
+    def history(self, way: np.ndarray) -> list[sc.answers.ContactResult]:
         return list(self.solver.history([self.step(place) for place in way]))
 
-    def driven(self, result: sc.ContactResult, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def driven(
+        self, result: sc.answers.ContactResult, place: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """The forces on what is driven, and how far it has moved; their product is work."""
         if self.tool is None:
             return result.force, self.given(place)
@@ -200,7 +204,7 @@ class Built:
         return self.given(place), np.asarray(mean)
 
 
-def lost(built: Built, result: sc.ContactResult) -> tuple[float, float]:
+def lost(built: Built, result: sc.answers.ContactResult) -> tuple[float, float]:
     """What bodies store, and what plastic flow and friction have taken until then."""
     stored, gone = 0.0, float(result.dissipation_total)
     for body in built.solver.system.bodies:
@@ -255,7 +259,7 @@ def between(way: np.ndarray, parts: int) -> np.ndarray:
     return np.column_stack([np.interp(at, np.arange(len(known)), known[:, i]) for i in range(2)])
 
 
-def steps_missing(built: Built, results: list[sc.ContactResult]) -> float:
+def steps_missing(built: Built, results: list[sc.answers.ContactResult]) -> float:
     """The largest difference of works with the forces of a step's end, over the largest energy."""
     off, most, before, place_before = 0.0, 0.0, None, None
     for place, result in zip(built.scene.way, results, strict=True):
@@ -281,7 +285,7 @@ def steps_missing(built: Built, results: list[sc.ContactResult]) -> float:
 
 
 def ways_missing(
-    built: Built, results: list[sc.ContactResult], way: np.ndarray
+    built: Built, results: list[sc.answers.ContactResult], way: np.ndarray
 ) -> tuple[float, float | None]:
     """What is missing to the balance of a way, over the largest energy; and to that of a way back."""
     works, stores, losses, force, moved = [0.0], [0.0], [0.0], np.zeros(2), np.zeros(2)
@@ -302,11 +306,11 @@ def ways_missing(
     return float(np.max(np.abs(work - store - loss)) / most), back
 
 
-def cut_changes(s: Scene, results: list[sc.ContactResult]) -> float:
+def cut_changes(s: Scene, results: list[sc.answers.ContactResult]) -> float:
     """What a step that fails changes of the answer to the one that is taken after it."""
     before, step = results[0], Built(s).step(s.way[1])
     known = {name: np.array(value) for name, value in before.state["block"].items()}
-    with contextlib.suppress(sc.NotConverged, sc.NoEquilibrium):
+    with contextlib.suppress(sc.errors.NotConverged, sc.errors.NoEquilibrium):
         Built(s, max_placements=1, max_cuts=0).solver.solve(**step, start=before)
     if not all(np.array_equal(before.state["block"][name], known[name]) for name in known):
         return np.inf
@@ -335,7 +339,7 @@ def judge(seed: int) -> Verdict:
         try:
             words, measured = examine(s)
             kind = "WRONG" if words else "right"
-        except (sc.NotConverged, sc.NoEquilibrium) as error:
+        except (sc.errors.NotConverged, sc.errors.NoEquilibrium) as error:
             kind, words = "refused", [f"{type(error).__name__}: {str(error)[:300]}"]
         except Exception:
             kind, words = "WRONG", [traceback.format_exc()[-400:]]
