@@ -63,13 +63,6 @@ def test_a_random_scene(seed: int) -> None:
     check(seed)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(200))
-def test_random_scenes(seed: int) -> None:
-    """Turned, in other units, listed the other way round: the same forces; nothing is won."""
-    check(seed)
-
-
 def test_rubber_without_friction_has_a_potential() -> None:
     """The force on a tool is the derivative of the energy that is stored in all bodies.
 

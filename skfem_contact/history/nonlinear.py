@@ -12,7 +12,9 @@ changed. Where contact slides far, they are on pairings that approach that of th
 
 At a limit load of perfect plasticity tangents are singular in the motions of plastic flow. Where the
 residual does not fall, the tangents of the undeformed bodies are added in the sixth digit: such motions
-stay finite then, and the others come as near with every iterate as before, but for that digit.
+stay finite then, and the others come as near with every iterate as before, but for that digit. Rubber
+that keeps its volume has large pressures at iterates, and tangents that are not positive definite: for
+one iterate as much of the undeformed ones is added, or ten times that, and it ends nearer.
 
 A step may lead too far. It is halved until the residual of equilibrium of all bodies has become
 smaller, with contact forces between those of both ends. Where that fails, the load step is cut, here
@@ -43,7 +45,14 @@ from skfem_contact.history.refined import ROUGH, UNSOLVED, holds, refined, usabl
 from skfem_contact.history.remarks import remarks
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.stepping import Bisection, settled, travelled
-from skfem_contact.history.thresholds import CONTACT_ITERATIONS, FAR, LONGER, NOISE, SHORTER
+from skfem_contact.history.thresholds import (
+    CONTACT_ITERATIONS,
+    FAR,
+    LONGER,
+    NOISE,
+    SHIFTS,
+    SHORTER,
+)
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.thresholds import DECREASE, HALVINGS
 from skfem_contact.problem.model import LinearModel
@@ -73,15 +82,12 @@ class Solved:
     forces : ndarray, shape (n,)
         Of contact, on the DOFs [force].
     verdict : Verdict
-    search : EquilibriumSearch or None
-        How contact was solved exactly; None where it took a few iterations.
     """
 
     attempt: Attempt | None
     u: Array
     forces: Array
     verdict: Verdict = ARRIVED
-    search: EquilibriumSearch | None = None
 
 
 @dataclass(eq=False)
@@ -186,10 +192,12 @@ class NonlinearSearch:
                     return self._gives_up()
             there, share, norm = self._stepped(part, begin, (at, forces, left), solved)
             if there is None or solved.attempt is None:
-                if shift:
+                stiffer = [share for share in SHIFTS if share > shift]
+                if not stiffer:
                     return self._gives_up(solved.verdict)
-                exact, shift = True, GIVEN
+                exact, shift = True, stiffer[0]
                 continue
+            shift = min(shift, SHIFTS[0])
             attempt = solved.attempt
             forces = solved.forces if forces is None else forces + share * (solved.forces - forces)
             missing, limit, scale = self._residual(part.target, there, forces)
@@ -357,7 +365,9 @@ class NonlinearSearch:
         missing = there.internal - case.f - forces
         acting = [np.max(np.abs(part), initial=0.0) for part in (case.f, forces, missing[system.D])]
         missing[system.D] = 0.0  # supports bear it
-        moved = [float(np.max(np.abs(there.u[system.slice(body)]))) for body in system.bodies]
+        # where nothing acts in the end, round-off is that of what the step began with
+        size = np.maximum(np.abs(there.u), np.abs(self.placed.u))
+        moved = [float(np.max(size[system.slice(body)])) for body in system.bodies]
         noise = NOISE * float(np.max(np.multiply(self.stepper.model.stiffest, moved)))
         scale = max(*acting, noise, np.finfo(float).tiny)
         return missing, max(self.stepper.options.tolerance * scale, noise), float(scale)

@@ -117,11 +117,11 @@ def disc(radius: float, n: int) -> fem.MeshQuad:
 def test_rubber_cylinder_between_plates(n: int, steps: int) -> None:
     """Sussman and Bathe: 250 and 1 400 kN/m where plates have come nearer by .1 and .2 m, of .4; 5 %.
 
-    Their rubber has a Poisson's ratio of .49967; here it is .4967, which changes forces by less than
-    a per cent (249.8 at .1 with theirs). Kilonewtons by metre of length: with C10 + C01 in MPa and
-    metres the forces are 1 000 times smaller, and no other units come near.
+    Kilonewtons by metre of length: with C10 + C01 in MPa and metres the forces are 1 000 times smaller,
+    and no other units come near. Rubber that keeps its volume so well has tangents at iterates that are
+    not positive definite: they pass (128 iterates; without shifts 227, and all steps cut).
     """
-    C10, C01, nu = 0.293, 0.177, 0.4967
+    C10, C01, nu = 0.293, 0.177, 0.49967
     rubber = sc.materials.MooneyRivlin(C10, C01, bulk=4 * (C10 + C01) * (1 + nu) / (3 * (1 - 2 * nu)))
     basis = fem.Basis(disc(0.2, n), QUAD, intorder=2)
     D = np.union1d(basis.get_dofs("left").all("u^1"), basis.get_dofs("bottom").all("u^2"))
@@ -135,6 +135,8 @@ def test_rubber_cylinder_between_plates(n: int, steps: int) -> None:
     found = [force[steps // 2 - 1], force[-1]]
     print(found)
     assert_allclose(found, [250.0, 1400.0], rtol=0.05)
+    assert sum("cut" in result.message for result in results) <= steps // 6
+    assert sum(len(result.newton) for result in results) < 12 * steps
 
 
 def ironing(n: int) -> tuple[float, list[sc.answers.ContactResult]]:
