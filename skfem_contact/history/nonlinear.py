@@ -176,6 +176,7 @@ class NonlinearSearch:
             self._why = str(error)
             return self._gives_up()
         left, most, forces, exact, closing, shift = np.inf, 0.0, None, True, False, 0.0
+        reached = np.inf  # the norm of what the last iterate left
         step, secant = replace(part, pairing=self._pairing(part, at.u)), Anderson()
         for number in range(1, options.max_placements + 1):
             solved = self._solve(step, at.stiffened(base.stiffness, shift), exact)
@@ -198,6 +199,7 @@ class NonlinearSearch:
             record = Iteration(number, parts.aim, residual, share, len(attempt.outcome.trace))
             self.newton.append(record)
             logger.debug("%s", record)
+            nearer, reached = share == 1.0 and norm < reached, norm
             at, left, most, self._last = there, norm, max(most, norm), there
             own = self._pairing(step, there.u)
             attempt = self._judged(step, attempt, own, FAR if number == 1 else 1.0)
@@ -210,7 +212,9 @@ class NonlinearSearch:
                 self._arrive(part, attempt, there)
                 return ARRIVED
             # a pairing that has settled stays, and Newton's method is quick again
-            if attempt.failure:  # residuals on two pairings are two things: no smaller one is asked for
+            if attempt.failure and (
+                nearer or balanced
+            ):  # residuals on two pairings are two things: no smaller one is asked for
                 left = most
                 if share < 1.0:  # no answer on the pairing before, which secants are of
                     secant = Anderson()
