@@ -69,20 +69,16 @@ def logarithmic(
 
 def principal(H: Array) -> tuple[Array, Array, Array]:
     """Squared stretches (3, ...), their axes as columns (3, 3, ...), and E (3, 3, ...) in these."""
-    F, d = deformation(H)[0], len(H)
-    C = np.einsum("mi...,mj...->ij...", F, F)
-    values, N = np.ones(C.shape[1:]), np.zeros_like(C)
+    h, d = solid(H), len(H)
+    # C - 1, and not C: far from where a body yields strains are as small as round-off of the 1
+    beyond = h + h.swapaxes(0, 1) + np.einsum("mi...,mj...->ij...", h, h)
+    x, N, strain = np.zeros(beyond.shape[1:]), np.zeros_like(beyond), np.zeros_like(beyond)
     N[2, 2] = 1.0
-    found, axes = np.linalg.eigh(np.moveaxis(C[:d, :d], (0, 1), (-2, -1)))
-    values[:d], N[:d, :d] = np.moveaxis(found, -1, 0), np.moveaxis(axes, (-2, -1), (0, 1))
-    # C - 1 of H itself: far from where a body yields strains are as small as round-off of 1
-    h = solid(H)
-    small = h + h.swapaxes(0, 1) + np.einsum("mi...,mj...->ij...", h, h)
-    stretched = np.einsum("ia...,ij...,ja...->a...", N, small, N, optimize=True)
-    strain = np.zeros_like(C)
-    for i in range(3):
-        strain[i, i] = 0.5 * np.log1p(stretched[i])
-    return values, N, strain
+    found, axes = np.linalg.eigh(np.moveaxis(beyond[:d, :d], (0, 1), (-2, -1)))
+    x[:d], N[:d, :d] = np.moveaxis(found, -1, 0), np.moveaxis(axes, (-2, -1), (0, 1))
+    for i in range(d):
+        strain[i, i] = 0.5 * np.log1p(x[i])
+    return 1.0 + x, N, strain
 
 
 def undeformed_axes(H: Array) -> Array:
