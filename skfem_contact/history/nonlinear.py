@@ -211,11 +211,10 @@ class NonlinearSearch:
             if balanced and attempt.good:
                 self._arrive(part, attempt, there)
                 return ARRIVED
-            # a pairing that has settled stays, and Newton's method is quick again
-            if attempt.failure and (
-                nearer or balanced
-            ):  # residuals on two pairings are two things: no smaller one is asked for
-                left = most
+            # a pairing that has settled stays, and Newton's method is quick again; so does one on which
+            # bodies have yet to come nearer: nothing bounds what is left where both change
+            if attempt.failure and (nearer or balanced):
+                left = most  # residuals on two pairings are two things: no smaller one is asked for
                 if share < 1.0:  # no answer on the pairing before, which secants are of
                     secant = Anderson()
                 step = self._next(step, there.u, secant)

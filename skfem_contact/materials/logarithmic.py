@@ -48,14 +48,14 @@ def logarithmic(
     back = N.swapaxes(0, 1)
     turned = {key: _turned(N, X) if X.ndim == 4 else X for key, X in state.items()}
     T, A, new = law(strain[:d, :d], turned)
-    first, second = _differences(values)
+    first, second = _first(values[:, None], values), _second(values[:d])
     S = first * T
     M = np.einsum("im...,ma...->ia...", F, N)
     stress = np.einsum("ia...,ab...,jb...->ij...", M, S, N, optimize=True)
     # dS_ac = 1/2 D_acbd dC_bd: of the law, and of principal axes and stretches that change
     f, t, one = first[:d, :d], T[:d, :d], np.eye(d)
     D = f[:, :, None, None] * f * A
-    g = np.einsum("acb...,ab...->abc...", second[:d, :d, :d], t)
+    g = np.einsum("acb...,ab...->abc...", second, t)
     turns = np.einsum("abc...,cd->acbd...", g, one)
     turns = turns + turns.swapaxes(0, 1)
     D = D + turns + turns.swapaxes(2, 3)
@@ -92,18 +92,18 @@ def _turned(N: Array, X: Array) -> Array:
     return np.asarray(np.einsum("ia...,ij...,jb...->ab...", N, X, N, optimize=True))
 
 
-def _differences(values: Array) -> tuple[Array, Array]:
-    """First (3, 3, ...) and second (3, 3, 3, ...) divided differences of the logarithm."""
-    first = _first(values[:, None], values)
-    low, mid, high = np.sort(np.stack([values[place] for place in np.indices((3, 3, 3))]), axis=0)
+def _second(values: Array) -> Array:
+    """Second divided differences of the logarithm at values (d, ...) that ascend, (d, d, d, ...)."""
+    low, mid, high = values[np.sort(np.indices((len(values),) * 3), axis=0)]
     spread = high - low
     with np.errstate(invalid="ignore", divide="ignore"):
         apart = (_first(mid, high) - _first(low, mid)) / spread
     near = -0.5 * (3.0 / (low + mid + high)) ** 2
-    return first, np.where(spread > ALIKE * low, apart, near)
+    return np.where(spread > ALIKE * low, apart, near)
 
 
 def _first(a: Array, b: Array) -> Array:
+    """First divided differences of the logarithm."""
     x = (a - b) / b
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.where(x == 0.0, 1.0, np.log1p(x) / x) / b)
