@@ -154,7 +154,7 @@ def main() -> None:
     record = listed([rows[name] for name in known if name in rows], COLUMNS)
     print(record)
     if args.write:
-        write_into(HERE.parent / "docs" / "performance.md", record, MARKS)
+        write_into(HERE.parent / "docs" / "checks" / "performance.md", record, MARKS)
 
 
 if __name__ == "__main__":

@@ -186,7 +186,7 @@ def main() -> None:
     parser.add_argument("--dofs", type=float, default=DOFS)
     parser.add_argument("--only", nargs="*", help="ingredients; other rows stay")
     parser.add_argument("--print", action="store_true", help="measure nothing")
-    parser.add_argument("--write", action="store_true", help="put the tables into docs/audit.md")
+    parser.add_argument("--write", action="store_true", help="put the tables into docs/checks/audit.md")
     parser.add_argument("--output", type=Path, default=RESULTS / "audit.json")
     parser.add_argument("--worker", help=argparse.SUPPRESS)
     args = parser.parse_args()
@@ -207,7 +207,7 @@ def main() -> None:
     text = table(stored["rows"]) + "\n\n" + imports_table(stored["imports"])
     print(text)
     if args.write:
-        write_into(HERE.parent / "docs" / "audit.md", text)
+        write_into(HERE.parent / "docs" / "checks" / "audit.md", text)
 
 
 if __name__ == "__main__":

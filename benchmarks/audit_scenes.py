@@ -102,7 +102,7 @@ class Blocks:
         self,
         *contacts: sc.Contact,
         bodies: Any = (),
-        after: Callable[[sc.ContactSolver, sc.ContactResult], Any] | None = None,
+        after: Callable[[sc.ContactSolver, sc.answers.ContactResult], Any] | None = None,
         **settings: Any,
     ) -> Done:
         """The history; `after` is done with solver and every result, and what it returns is kept."""
@@ -236,7 +236,7 @@ def history(blocks: Blocks, present: bool) -> Done:
 
 
 def interior(blocks: Blocks, present: bool) -> Done:
-    return blocks.solve(linear=sc.Direct() if present else "auto")
+    return blocks.solve(linear=sc.linalg.Direct() if present else "auto")
 
 
 def displacements(blocks: Blocks, present: bool) -> Done:
@@ -372,7 +372,7 @@ ROWS = (
         "`linear=Direct()`: in every iteration",
         "condensed once",
         interior,
-        ("problem/sparse:solve", "elimination/eliminate:eliminate", "problem/full:"),
+        ("problem/sparse:solve", "elimination/transformation:eliminate", "problem/full:"),
     ),
     Row(
         "displacements",

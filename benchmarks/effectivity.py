@@ -6,7 +6,7 @@ True error: L2 norm, over the contact surface, of the traction that `interpolate
 exact one, over the norm of the exact one. Exact is a closed form, or where there is none the same
 problem on a mesh at least four times as fine. Effectivity: estimated over true error.
 
-Stores benchmarks/results/effectivity.json; with --write the table goes into docs/effectivity.md.
+Stores benchmarks/results/effectivity.json; with --write the table goes into docs/checks/effectivity.md.
 """
 
 from __future__ import annotations

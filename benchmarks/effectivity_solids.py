@@ -5,7 +5,8 @@
 True error: L2 norm, over the faces of contact, of the traction interpolated between the nodes less
 the exact one, over the norm of the exact one. Effectivity: estimated over true error.
 
-Stores benchmarks/results/effectivity_solids.json; with --write the table goes into docs/effectivity.md.
+Stores benchmarks/results/effectivity_solids.json; with --write the table goes into
+docs/checks/effectivity.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The tables of docs/effectivity.md, which both benchmarks of the error estimate write."""
+"""The tables of docs/checks/effectivity.md, which both benchmarks of the error estimate write."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 RESULTS = Path(__file__).parent / "results"
-PAGE = Path(__file__).parents[1] / "docs" / "effectivity.md"
+PAGE = Path(__file__).parents[1] / "docs" / "checks" / "effectivity.md"
 PLANE = "<!-- effectivity table: begin -->", "<!-- effectivity table: end -->"
 SOLIDS = "<!-- effectivity of solids: begin -->", "<!-- effectivity of solids: end -->"
 LOW, HIGH = 0.3, 3.0

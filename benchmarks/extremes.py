@@ -32,7 +32,7 @@ TESTS = [
 ]
 
 STORED = HERE / "results" / "extremes.json"
-PAGE = HERE.parent / "docs" / "extremes.md"
+PAGE = HERE.parent / "docs" / "checks" / "extremes.md"
 BEGIN, END = "<!-- extremes table: begin -->", "<!-- extremes table: end -->"
 
 #: What is varied, and what is right.
@@ -145,7 +145,7 @@ def table(rows: dict[str, Any]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--slow", action="store_true", help="the cases marked as slow as well")
-    parser.add_argument("--write", action="store_true", help="put the table into docs/extremes.md")
+    parser.add_argument("--write", action="store_true", help="put the table into the docs")
     parser.add_argument("--out", type=Path, default=STORED)
     options = parser.parse_args()
     collector, start = Collector(), time.process_time()

@@ -39,7 +39,7 @@ import skfem_contact as sc
 from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN, STICK, LocalState
-from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.errors import SingularMatrix
 from skfem_contact.loops.driver import LOOPS, Outcome, drive
 from skfem_contact.loops.multipliers import Collision
 from skfem_contact.loops.pulled import after

@@ -44,7 +44,7 @@ from skfem_contact.answers.answer import answer_of
 
 HERE = Path(__file__).parent
 STORED = [HERE / "results" / name for name in ("fuzz.json", "fuzz_large.json")]
-PAGE = HERE.parent / "docs" / "extremes.md"
+PAGE = HERE.parent / "docs" / "checks" / "extremes.md"
 BEGIN, END = "<!-- fuzz table: begin -->", "<!-- fuzz table: end -->"
 SAME = 1e-7  # an answer and an enumerated solution, with contrasts of up to 1e8 between the bodies
 RESIDUAL = 1e-4  # what is left of the conditions, over the largest force: more is wrong
@@ -190,7 +190,7 @@ def build(choice: Choice) -> Drawn:
         bodies,
         contact,
         loop=choice.loop,
-        linear=sc.Direct() if choice.linear == "sparse" else "auto",
+        linear=sc.linalg.Direct() if choice.linear == "sparse" else "auto",
         options=sc.Options(max_cuts=choice.cuts),
     )
     kin = solver.kin
@@ -301,7 +301,7 @@ def _judge(drawn: Drawn, show: bool) -> list[tuple[str, str]]:
         name = f"{drawn.choice} step {number}, {len(points)} points"
         try:
             result = next(drawn.solver.history([step], start=before))
-        except (sc.NotConverged, sc.NoEquilibrium) as error:
+        except (sc.errors.NotConverged, sc.errors.NoEquilibrium) as error:
             out.append(_refusal(error, known, same, name))
             break
         lam = result.normal_force[points]
@@ -343,7 +343,10 @@ def _judge(drawn: Drawn, show: bool) -> list[tuple[str, str]]:
 
 
 def _refusal(
-    error: sc.NotConverged | sc.NoEquilibrium, known: list[Any] | None, p: Problem, name: str
+    error: sc.errors.NotConverged | sc.errors.NoEquilibrium,
+    known: list[Any] | None,
+    p: Problem,
+    name: str,
 ) -> tuple[str, str]:
     """Whether a refusal is in order, and words."""
     what = type(error).__name__

@@ -63,7 +63,7 @@ def main() -> None:
     if not quick:
         STORED.parent.mkdir(exist_ok=True)
         STORED.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
-        write_into(Path(__file__).parents[1] / "docs" / "performance.md", table(rows), MARKS)
+        write_into(Path(__file__).parents[1] / "docs" / "checks" / "performance.md", table(rows), MARKS)
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ import skfem_contact as sc
 
 HERE = Path(__file__).parent
 STORED = HERE / "results" / "judge.json"
-PAGE = HERE.parent / "docs" / "judge.md"
+PAGE = HERE.parent / "docs" / "checks" / "judge.md"
 BEGIN, END = "<!-- judge table: begin -->", "<!-- judge table: end -->"
 KINDS = (
     "right",
@@ -53,7 +53,7 @@ METHODS = 0.25  # of a force: what the two methods may differ by on a finer mesh
 MOST = 0.75  # of a force: no error of a mesh with four facets or more is larger
 EVERY = 4  # scene is compared with the other method and finer meshes, which costs as much as all else
 LONGEST = 40.0  # CPU seconds for a scene and its comparisons: a hundred times what one takes
-REFUSALS = (sc.NoEquilibrium, sc.NotConverged)
+REFUSALS = (sc.errors.NoEquilibrium, sc.errors.NotConverged)
 
 
 class TooLong(BaseException):
@@ -349,7 +349,7 @@ def compare_orders(court: Court, first: Run) -> str:
         # an answer that only the one order finds is no other answer: the other one is a refusal
         error = second.error if second.error is not None else first.error
         alone = first_off is None and None in (first.error, second.error)
-        open_ = isinstance(error, sc.NotConverged) or "is not shown" in str(error)
+        open_ = isinstance(error, sc.errors.NotConverged) or "is not shown" in str(error)
         kind = "refused in one of them" if alone and open_ else "differ"
         return (
             f"{kind}: {len(first.answers)} steps, {type(first.error).__name__} against "
@@ -395,10 +395,10 @@ def compare_methods(court: Court, first: Run) -> list[str]:
 
     Resultants may differ by twice what both moved by when all facets were halved, which is their error
     where it is of first order, and by `METHODS` of the force: node by node a resultant between meshes
-    that do not match is off by up to 16 % (docs/extremes.md, X10). Never by most of the force. A held
-    node that the other body presses on alone is a point: one method stops at it, one has no multiplier
-    there, and both near the truth with the logarithm of the facets only, from either side. That tells
-    nothing about either.
+    that do not match is off by up to 16 % (docs/checks/extremes.md, X10). Never by most of the force. A
+    held node that the other body presses on alone is a point: one method stops at it, one has no
+    multiplier there, and both near the truth with the logarithm of the facets only, from either side.
+    That tells nothing about either.
     """
     s = court.scene
     fine = make(s, 2)

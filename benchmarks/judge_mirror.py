@@ -88,7 +88,7 @@ ROUTES = {"all DOFs": Way(route="full"), "iterated": Way(route="iterated")}
 # No memory for the dense contact problem: forces are iterated.
 BY_ROUTE: dict[str, dict[str, Any]] = {
     "condensed": {},
-    "full": {"linear": sc.Direct()},
+    "full": {"linear": sc.linalg.Direct()},
     "iterated": {"options": sc.Options(max_dense_bytes=0)},
 }
 
@@ -208,7 +208,7 @@ def _body(
     return sc.Body(basis, linear_elasticity(*lame_parameters(modulus, 0.3)), D=D, x=x, name=name)
 
 
-def pressures(solver: sc.ContactSolver) -> tuple[dict[str, np.ndarray], sc.ContactResult]:
+def pressures(solver: sc.ContactSolver) -> tuple[dict[str, np.ndarray], sc.answers.ContactResult]:
     """Pressure and traction of each contact in the order of places, (m, 1 + d); and the result."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sc.ContactWarning)
@@ -238,7 +238,7 @@ def mirrored(found: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 def differences(
     s: Scene, ways: dict[str, Way] = WAYS
-) -> tuple[dict[str, float], sc.ContactResult, float]:
+) -> tuple[dict[str, float], sc.answers.ContactResult, float]:
     """Largest difference by comparison, over the largest pressure; the result; its CPU seconds."""
     start = time.process_time()
     found, result = pressures(build(s, Way()))

@@ -201,7 +201,7 @@ def build(
         list(bodies.values()),
         contacts,
         loop=way.loop,
-        linear=sc.Direct() if way.linear == "direct" else "auto",
+        linear=sc.linalg.Direct() if way.linear == "direct" else "auto",
         options=sc.Options(**options),
     )
     return solver, [step_of(scene, made, a, b) for a, b in scene.steps]
@@ -252,7 +252,7 @@ def obstacle(scene: Scene, spec: ContactSpec) -> Any:
     return sc.RigidCylinder(place(scene, point), form * scene.size, name=spec.name)
 
 
-def _law(spec: ContactSpec, E: float, unit: float) -> sc.FrictionLaw | None:
+def _law(spec: ContactSpec, E: float, unit: float) -> sc.conditions.FrictionLaw | None:
     if spec.friction is None:
         return None
     G = {} if spec.G is None else {"stiffness": spec.G * E}

@@ -39,7 +39,7 @@ import skfem_contact as sc
 
 HERE = Path(__file__).parent
 STORED = HERE / "results" / "judge_solids.json"
-PAGE = HERE.parent / "docs" / "judge.md"
+PAGE = HERE.parent / "docs" / "checks" / "judge.md"
 BEGIN, END = "<!-- solids table: begin -->", "<!-- solids table: end -->"
 KINDS = (
     "right",
@@ -50,7 +50,7 @@ KINDS = (
     "not judged",
     "WRONG",
 )
-REFUSALS = (sc.NoEquilibrium, sc.NotConverged, sc.SingularMatrix)
+REFUSALS = (sc.errors.NoEquilibrium, sc.errors.NotConverged, sc.errors.SingularMatrix)
 SAME = 1e-7  # of the largest force: round-off, times what contrasts of 1e6 and springs make of it
 METHODS = 0.5  # of a force: what mortar and node to face may differ by on meshes of 1 to 4 faces a side
 EVERY = 6  # scene is solved by both methods

@@ -2,7 +2,7 @@
 
     python benchmarks/named_numbers.py --reach [FILE ...]   which tests reach functions with numbers
     python benchmarks/named_numbers.py [--only NAME ...] [--tests FILE ...]    double and halve
-    python benchmarks/named_numbers.py --write              docs/numbers.md from what is stored
+    python benchmarks/named_numbers.py --write              docs/checks/numbers.md from what is stored
 
 A number is a name in capitals to which a module assigns a number (or several of them). It is replaced
 in every module that has it, and what modules compute from it when they are imported is computed anew.
@@ -475,7 +475,7 @@ if __name__ == "__main__":
     given = parser.parse_args()
     if given.write:
         store()
-        (ROOT / "docs" / "numbers.md").write_text(page(), encoding="utf-8")
+        (ROOT / "docs" / "checks" / "numbers.md").write_text(page(), encoding="utf-8")
     elif given.reach is not None:
         reach(
             given.reach

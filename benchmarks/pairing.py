@@ -195,7 +195,7 @@ def main() -> None:
     record = [rows[name] for name in known if name in rows]
     print(table(record))
     if args.write:
-        write_into(HERE.parent / "docs" / "performance.md", table(record), MARKS)
+        write_into(HERE.parent / "docs" / "checks" / "performance.md", table(record), MARKS)
 
 
 if __name__ == "__main__":

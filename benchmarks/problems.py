@@ -38,7 +38,7 @@ from smooth_contacts import graded, ordered
 from test_mortar_hertz import scene
 from unlike_meshes import KINDS, QUADRATIC, named_sides, rectangle
 
-LINEAR = {"condensed": "condensed", "Direct()": sc.Direct(), "AMG()": sc.AMG()}
+LINEAR = {"condensed": "condensed", "Direct()": sc.linalg.Direct(), "AMG()": sc.linalg.AMG()}
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Setting:
 class Answer:
     """What a script ends with: its results, and how to find their error (which is not timed)."""
 
-    results: list[sc.ContactResult]
+    results: list[sc.answers.ContactResult]
     error: Callable[[], float]
 
     def forces(self) -> np.ndarray:
@@ -107,7 +107,7 @@ RATIO = 4 / 3  # element size of the lower block over that of the upper one
 PUSH, SHARE = 0.5, 0.6  # coefficient of friction; tangential load over its limit
 
 
-def _blocks(setting: Setting, law: sc.FrictionLaw | None) -> tuple[Any, float, Any]:
+def _blocks(setting: Setting, law: sc.conditions.FrictionLaw | None) -> tuple[Any, float, Any]:
     return scene(
         setting.elements,
         law,
@@ -257,7 +257,7 @@ def sliding(setting: Setting) -> Answer:
     return Answer(results, error)
 
 
-def travelling_error(result: sc.ContactResult, secondary: str, *, back: bool) -> float:
+def travelling_error(result: sc.answers.ContactResult, secondary: str, *, back: bool) -> float:
     """Error of pressure and friction in L2 against the closed form where the die stands now.
 
     The normal force is the measured one; so is the tangential one after the way back.
@@ -281,7 +281,7 @@ def travelling_error(result: sc.ContactResult, secondary: str, *, back: bool) ->
     return float(np.sqrt(wrong / (result.area @ (true_p**2 + true_q**2))))
 
 
-def surface_displacement(result: sc.ContactResult, name: str, side: str, x: float) -> float:
+def surface_displacement(result: sc.answers.ContactResult, name: str, side: str, x: float) -> float:
     """Horizontal displacement of a body's surface at an abscissa."""
     body = next(b for b in result.system.bodies if b.name == name)
     dofs = body.basis.get_dofs(side).all("u^1")

@@ -48,7 +48,7 @@ def one(n: int, whole: bool) -> dict[str, Any]:
     import skfem_contact as sc
     from skfem_contact.problem.sparse import SparseSpace
 
-    linear = sc.PETSc()
+    linear = sc.petsc.PETSc()
     empty = linear.memory()
     spent: dict[str, float] = {}
     cpu = {"set-up": 0.0, "solves": 0.0}

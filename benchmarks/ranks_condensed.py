@@ -50,7 +50,7 @@ def one(n: int, by_cg: int, by_factors: int) -> dict[str, Any]:
 
     import skfem_contact as sc
 
-    linear = sc.PETSc("direct")
+    linear = sc.petsc.PETSc("direct")
     empty = linear.memory()
     bodies, contact = petsc_scenes.blocks(3, "mortar", "small", n, linear, collected=False)
     model = linear.memory()
@@ -71,8 +71,8 @@ def one(n: int, by_cg: int, by_factors: int) -> dict[str, Any]:
     out["column"] = first.seconds / first.columns
     del parts
     for name, way, count in (
-        ("by CG", sc.PETSc(), by_cg),
-        ("by factors", sc.PETSc(options=MUMPS), by_factors),
+        ("by CG", sc.petsc.PETSc(), by_cg),
+        ("by factors", sc.petsc.PETSc(options=MUMPS), by_factors),
     ):
         if not count:
             continue

@@ -98,13 +98,13 @@ def further_increments(scene: Scene, solver: sc.ContactSolver, last: Any) -> int
 
 def tied_system(scene: Scene) -> tuple[Any, Any, Any]:
     """Matrix, load and positions of the same meshes glued together, under the same loads."""
-    system = sc.stack(scene.bodies)
+    system = sc.bodies.stack(scene.bodies)
     x, f = np.zeros(system.n), np.zeros(system.n)
     x[system.slice("upper")] = scene.lowered(1)["upper"]
     for name, load in scene.pushed(1e-3 * scene.E_star).items():
         f[system.slice(name)] = load
-    rows = sc.contact_rows(system, scene.contact(tied=True))
-    constraint = sc.eliminate(rows.C, rows.b, system.D, x, prefer=rows.prefer)
+    rows = sc.elimination.contact_rows(system, scene.contact(tied=True))
+    constraint = sc.elimination.eliminate(rows.C, rows.b, system.D, x, prefer=rows.prefer)
     K, f = constraint.reduce(system.K, f)
     points = np.concatenate([body.dof_points for body in scene.bodies])
     return K, f, points[constraint.independent]
@@ -114,7 +114,7 @@ def own(scene: Scene) -> dict[str, Any]:
     """One linear solve of the tied meshes by this library's direct solver."""
     K, f, points = tied_system(scene)
     clock = Clock()
-    u = clock("solve", lambda: sc.Direct().factorize(K, points=points).solve(f))
+    u = clock("solve", lambda: sc.linalg.Direct().factorize(K, points=points).solve(f))
     return clock.stages | {"residual": float(np.linalg.norm(K @ u - f) / np.linalg.norm(f))}
 
 
@@ -129,7 +129,7 @@ def plain(scene: Scene) -> dict[str, Any]:
 def sparse(scene: Scene) -> dict[str, Any]:
     """Largest difference between the condensed and the sparse route over a short history."""
     answers = []
-    for linear in ("condensed", sc.Direct()):
+    for linear in ("condensed", sc.linalg.Direct()):
         solver = sc.ContactSolver(scene.bodies, [scene.contact()], linear=linear)
         answers.append(list(scene.run(solver, press=2, push=2)))
     worst = 0.0
@@ -390,7 +390,7 @@ def main() -> None:
     for row in record if args.beside else ():
         print(compared(row))
     if args.write:
-        write_into(HERE.parent / "docs" / "performance.md", text)
+        write_into(HERE.parent / "docs" / "checks" / "performance.md", text)
         for page in ("README.md", "paper.md"):
             write_into(HERE.parent / page, table(record, SHORT))
 

@@ -65,16 +65,16 @@ def bodies(dofs: float) -> tuple[sc.Body, sc.Body, float]:
 
 def linear_solve(block: sc.Body, track: sc.Body) -> dict[str, float]:
     """Seconds of the processor for one solve of the glued bodies, without assembly, by backend."""
-    system = sc.stack([block, track])
+    system = sc.bodies.stack([block, track])
     tie = sc.Contact(block.surface("bottom"), track.surface("top"), tied=True)
-    rows = sc.contact_rows(system, tie)
+    rows = sc.elimination.contact_rows(system, tie)
     seconds = {}
     for name in ("skfem.solve", "own"):
         begin = time.process_time()
         if name == "own":
             sc.ContactSolver([block, track], tie).solve().u  # noqa: B018 (recovers the interior)
         else:
-            fem.solve(*sc.condense(system.K, system.f, rows=rows, D=system.D, x=system.x))
+            fem.solve(*sc.elimination.condense(system.K, system.f, rows=rows, D=system.D, x=system.x))
         seconds[name] = time.process_time() - begin
     return seconds
 

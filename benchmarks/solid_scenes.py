@@ -338,7 +338,7 @@ def build(s: Scene, made: dict[str, Made], way: Way = GIVEN) -> tuple[Any, list[
                 name=c.name,
             )
         )
-    linear = sc.Direct() if way.linear == "direct" else way.linear
+    linear = sc.linalg.Direct() if way.linear == "direct" else way.linear
     most = 2 if way.start else None
     options = sc.Options(placement_tolerance=s.placement, max_iterations=most)
     solver = sc.ContactSolver(
@@ -370,7 +370,7 @@ def obstacle(s: Scene, c: ContactSpec) -> Any:
 
 
 @dataclass(frozen=True, eq=False)
-class Rising(sc.FrictionLaw):
+class Rising(sc.conditions.FrictionLaw):
     """A law whose bound begins at zero and rises steeply."""
 
     law: Any
@@ -397,7 +397,7 @@ def _law_as_given(s: Scene, c: ContactSpec) -> Any:
     if c.grain is None:
         return sc.Coulomb(mu, tau_max=cap * s.unit, cohesion=cohesion * s.unit, stiffness=G)
     pair = np.array([c.grain[3], 1.0])
-    return sc.OrthotropicCoulomb(
+    return sc.conditions.OrthotropicCoulomb(
         mu * pair, s.R @ c.grain[:3], cap * s.unit * pair, cohesion * s.unit * pair, stiffness=G
     )
 

@@ -105,7 +105,7 @@ class Scene:
 
     def solver(self, linear: Any = None) -> sc.ContactSolver:
         """The solver of the case, or one with another route."""
-        linear = linear or (sc.AMG() if self.case.linear == "AMG" else "auto")
+        linear = linear or (sc.linalg.AMG() if self.case.linear == "AMG" else "auto")
         return sc.ContactSolver(self.bodies, [self.contact()], linear=linear)
 
     def moved(self, down: float, aside: float) -> dict[str, Any]:
@@ -194,11 +194,11 @@ def inner_iterations(solver: sc.ContactSolver) -> Iterator[int]:
 
 def tied_system(scene: Scene) -> tuple[Any, Any, Any, Any]:
     """Matrix, load, positions and rigid motions of the same meshes glued together and lowered."""
-    system = sc.stack(scene.bodies)
+    system = sc.bodies.stack(scene.bodies)
     x = np.zeros(system.n)
     x[system.slice("punch")] = scene.moved(1.0, 1.0)["x"]["punch"]
-    rows = sc.contact_rows(system, scene.contact(tied=True))
-    constraint = sc.eliminate(rows.C, rows.b, system.D, x, prefer=rows.prefer)
+    rows = sc.elimination.contact_rows(system, scene.contact(tied=True))
+    constraint = sc.elimination.eliminate(rows.C, rows.b, system.D, x, prefer=rows.prefer)
     K, f = constraint.reduce(system.K, system.f)
     free = constraint.independent
     points = np.concatenate([body.dof_points for body in scene.bodies])[free]
@@ -210,7 +210,7 @@ def own(scene: Scene) -> dict[str, Any]:
     """One linear solve of the tied meshes by the backend of this library that suits the case."""
     K, f, points, modes = tied_system(scene)
     clock = Clock()
-    backend = sc.AMG() if scene.case.linear == "AMG" else sc.Direct()
+    backend = sc.linalg.AMG() if scene.case.linear == "AMG" else sc.linalg.Direct()
     u = clock("solve", lambda: backend.factorize(K, points=points, modes=modes).solve(f))
     return clock.stages | {"residual": residual(K, u, f)}
 
@@ -231,7 +231,7 @@ def routes(scene: Scene) -> dict[str, Any]:
     """Largest difference of forces between the routes over a short history."""
     path = scene.path[PRESS - 1 : PRESS + 2]
     answers = []
-    for linear in ("condensed", "iterated", sc.AMG()):
+    for linear in ("condensed", "iterated", sc.linalg.AMG()):
         solver = scene.solver(linear)
         answers.append(list(solver.history(path)))
     first, *others = answers
@@ -351,7 +351,7 @@ def main() -> None:
     record = [rows[name] for name in known if name in rows]
     print(table(record))
     if args.write:
-        write_into(HERE.parent / "docs" / "performance.md", table(record), MARKS)
+        write_into(HERE.parent / "docs" / "checks" / "performance.md", table(record), MARKS)
         write_into(HERE.parent / "README.md", table(record, SHORT), MARKS)
 
 

@@ -125,7 +125,7 @@ def tables(stored: Row) -> dict[str, dict[str, str]]:
     out = {"presets": preset_table(stored)}
     for name, problem in stored["problems"].items():
         out[f"{name} front"], out[f"{name} prices"] = front_table(problem), price_list(problem)
-    return {"trade.md": out, "methods.md": {"hertz": hertz_table(stored)}}
+    return {"checks/trade.md": out, "methods.md": {"hertz": hertz_table(stored)}}
 
 
 def show(stored: Row) -> None:

@@ -129,7 +129,7 @@ def main() -> None:
         path.write_text(json.dumps({"rows": record}, indent=1) + "\n", encoding="utf-8")
     print(table(record))
     if args.write:
-        write_into(HERE.parent / "docs" / "performance.md", table(record), MARKS)
+        write_into(HERE.parent / "docs" / "checks" / "performance.md", table(record), MARKS)
 
 
 if __name__ == "__main__":

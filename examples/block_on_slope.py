@@ -64,13 +64,13 @@ print(solver)
 
 # %% Tilt it degree by degree until it slides
 angles = []
-results: list[sc.ContactResult] = []
+results: list[sc.answers.ContactResult] = []
 try:
     for degrees in np.arange(0.0, 30.0, 1.0):
         before = results[-1] if results else None
         results.append(solver.solve(**tilted(degrees), start=before))
         angles.append(degrees)
-except sc.NoEquilibrium as exception:
+except sc.errors.NoEquilibrium as exception:
     print(f"\nAt {degrees:g} degrees: {exception}")
 
 # %% Between the last angle that it holds and the first that it does not, halve the interval
@@ -81,7 +81,7 @@ while slides - holds > tolerance / 10:
     try:
         solver.solve(**tilted(middle), start=results[-1])
         holds = middle
-    except sc.NoEquilibrium:
+    except sc.errors.NoEquilibrium:
         slides = middle
 limit = np.degrees(np.arctan(mu))
 error = abs(holds - limit)

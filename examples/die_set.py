@@ -86,7 +86,7 @@ print(formed)
 
 # %% Picture
 figure, (left, right) = plt.subplots(1, 2, figsize=(11, 5.0), layout="constrained")
-sc.plot_pairs(pairs, ax=left)
+sc.output.plot_pairs(pairs, ax=left)
 for name in pairs.names:
     points, pressure = formed[name].points, [r[name].pressure for r in (shrunk, formed)]
     order = np.argsort(np.arctan2(points[:, 1], points[:, 0]))

@@ -68,7 +68,7 @@ def loop(results):
 measured = loop(list(solver_of(true).history(steps)))[0]
 
 # %% With derivatives: one history gives the forces and how they change
-known: dict[bytes, sc.Jacobian] = {}
+known: dict[bytes, sc.history.Jacobian] = {}
 
 
 def at(parameters):
@@ -76,7 +76,7 @@ def at(parameters):
     key = parameters.tobytes()
     if key not in known:
         histories += 1
-        by = ["friction", sc.Parameter("stiffness", of="block")]
+        by = ["friction", sc.answers.Parameter("stiffness", of="block")]
         known[key] = solver_of(parameters).jacobian(loop, steps, by=by)
     return known[key]
 

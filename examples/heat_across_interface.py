@@ -12,8 +12,8 @@ The foot is hot at its top, the plate cold at its bottom, the sides are insulate
           T = 20
 
 Contact is not only for displacements: a tied contact of scalar fields glues temperatures, one row
-per node, and `sc.condense` hands the reduced system to scikit-fem's own solver. The temperature
-is linear in each part, so the answer is known,
+per node, and `sc.elimination.condense` hands the reduced system to scikit-fem's own solver. The
+temperature is linear in each part, so the answer is known,
 
     q = (100 - 20) / (1/k_copper + 1/k_steel),      T = 20 + q/k_steel  at the interface.
 
@@ -56,7 +56,7 @@ foot = sc.Body(foot_basis, foot_K, D="top", x=np.full(foot_basis.N, hot), name="
 plate = sc.Body(plate_basis, plate_K, D="bottom", x=np.full(plate_basis.N, cold), name="plate")
 
 # %% glue, and one linear solve by scikit-fem
-system = sc.stack([plate, foot])
+system = sc.bodies.stack([plate, foot])
 
 
 def solder(method):
@@ -64,8 +64,8 @@ def solder(method):
 
 
 def temperature(method):
-    rows = sc.contact_rows(system, solder(method))
-    return fem.solve(*sc.condense(system.K, system.f, rows=rows, D=system.D, x=system.x))
+    rows = sc.elimination.contact_rows(system, solder(method))
+    return fem.solve(*sc.elimination.condense(system.K, system.f, rows=rows, D=system.D, x=system.x))
 
 
 T = temperature("mortar")

@@ -34,7 +34,7 @@ out = Path(sys.argv[1]) if len(sys.argv) > 1 else here / "out"
 
 # %% The law: all it takes is limit(...)
 @dataclass(frozen=True, eq=False)
-class Weakening(sc.FrictionLaw):
+class Weakening(sc.conditions.FrictionLaw):
     """From `rest` at no slip straight down to `sliding` at a slip of `length`."""
 
     rest: float = 0.6

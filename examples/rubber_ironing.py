@@ -43,7 +43,7 @@ drag = [{"x": {"die": {"inner": (float(way), -depth)}}} for way in travel]
 def ironing(n):
     grid = fem.MeshQuad.init_tensor(np.linspace(0, 3, 3 * n + 1), np.linspace(-1, 0, n + 1))
     slab_basis = fem.Basis(grid.with_defaults(), element, intorder=2)
-    slab = sc.NonlinearBody(slab_basis, sc.NeoHooke.of(1.0, 0.3), D="bottom", name="slab")
+    slab = sc.NonlinearBody(slab_basis, sc.materials.NeoHooke.of(1.0, 0.3), D="bottom", name="slab")
 
     angles = np.linspace(-np.pi, 0, 2 * n + 1)
     polar = fem.MeshQuad.init_tensor(np.linspace(0.5, 1, n // 2 + 1), angles).with_defaults()

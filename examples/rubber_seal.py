@@ -36,7 +36,7 @@ out.mkdir(parents=True, exist_ok=True)
 
 # %% Numbers (N, mm, MPa)
 radius, squeeze, mu = 3.0, 0.6, 0.2
-rubber = sc.MooneyRivlin(0.8, 0.2, bulk=30.0)
+rubber = sc.materials.MooneyRivlin(0.8, 0.2, bulk=30.0)
 
 
 # %% Half a disc: a core of 2 n by n elements, and layers around it

@@ -116,7 +116,7 @@ cases = {
 print(f"\n{solver.cases(cases, start=tight)}")
 
 # %% Picture
-figure = sc.plot_joints(pulled[1], units={"length": "mm", "stress": "MPa"})
+figure = sc.output.plot_joints(pulled[1], units={"length": "mm", "stress": "MPa"})
 figure.savefig(out / "tightened_flange.png", dpi=60)
 plt.close(figure)
 

@@ -55,7 +55,7 @@ contact = sc.Contact(
     plate,
     gap=lambda x: x[0] ** 2 / (2 * R),
     friction=sc.Coulomb(mu),
-    wear=sc.Archard(k),
+    wear=sc.conditions.Archard(k),
 )
 solver = sc.ContactSolver(cylinder, contact)
 print(solver)

@@ -109,7 +109,7 @@ print(f"loose at {loose:.3f} mm; fitted again: {pressure[-1]:.2f} MPa, expected 
 r, y = outside.mesh.p
 r, along = np.hypot(r, y), np.abs(y) < 1e-9  # where the hoop direction is that of y
 order = np.flatnonzero(along)[np.argsort(r[along])]
-stays = sc.nodal_field(apart, "hub", "stress")[order, 1, 1]
+stays = sc.output.nodal_field(apart, "hub", "stress")[order, 1, 1]
 lame = first[-1] * a**2 / (b**2 - a**2) * (1 + (b / r[order]) ** 2)
 expected = hoop(r[order], plastic_radius(most)) - lame
 off_rest = np.abs(stays - expected).max() / limit
@@ -135,7 +135,7 @@ axes[1].set(xlabel="interference [mm]", ylabel="pressure [MPa]", xlim=(0, 0.27),
 shown = {"at 0.26 mm": (full, "#b5441c", hoop(r[order], plastic_radius(most)))}
 shown["taken apart"] = (apart, "#20618d", expected)
 for label, (result, colour, closed) in shown.items():
-    stress = sc.nodal_field(result, "hub", "stress")[order, 1, 1]
+    stress = sc.output.nodal_field(result, "hub", "stress")[order, 1, 1]
     axes[2].plot(r[order], stress, color=colour, label=label)
     axes[2].plot(r[order][::2], closed[::2], "o", color=colour, ms=3.5, mfc="none")
 axes[2].plot([], [], "o", color="0.4", ms=3.5, mfc="none", label="Hill, less Lamé")

@@ -44,7 +44,8 @@ All of them use `errors`, `arguments` and `arrays` (checks of what users pass), 
 `entrances` (what tests take from inside a package). Closed forms to compare with are in `reference`,
 which needs none of these.
 
-Public are the names that ``dir(skfem_contact)`` shows, see docs/interface.md. What many jobs do without
+Public is what docs/interface.md lists: names of this package and of those in it. What many jobs do
+without
 is imported when it is first asked for: pictures, files, PETSc, obstacles, constraints alone, multigrid.
 """
 
@@ -56,151 +57,89 @@ from typing import TYPE_CHECKING, Any
 _COLLECTS = gc.isenabled()
 gc.disable()
 try:
-    from skfem_contact.answers.certificate import Certificate
-    from skfem_contact.answers.result import ContactResult
-    from skfem_contact.answers.uniqueness import Uniqueness
-    from skfem_contact.answers.validity.validity import ContactValidity, Drift, Validity
-    from skfem_contact.answers.values import ContactValues
-    from skfem_contact.assemblies.bolt import Bolt, BoltValues
-    from skfem_contact.assemblies.joints import Joint, Joints, LoadCases
+    from skfem_contact.assemblies.bolt import Bolt
     from skfem_contact.bodies.body import Body
-    from skfem_contact.bodies.surface import ContactSurface
-    from skfem_contact.bodies.system import System, stack
     from skfem_contact.conditions.contact import Contact
-    from skfem_contact.conditions.friction import Archard, Coulomb, FrictionLaw, Tresca
-    from skfem_contact.conditions.kinematics import Kinematics
-    from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-    from skfem_contact.errors import (
-        ConstraintError,
-        ContactError,
-        ContactWarning,
-        InputError,
-        MaterialError,
-        NoEquilibrium,
-        NotConverged,
-        UnknownKeyword,
-    )
+    from skfem_contact.conditions.friction import Coulomb, Tresca
+    from skfem_contact.errors import ContactError, ContactWarning
     from skfem_contact.history.solver import ContactSolver
-    from skfem_contact.linalg.backend import LinearSolveError
-    from skfem_contact.linalg.direct import Direct
-    from skfem_contact.linalg.singular import SingularMatrix
     from skfem_contact.loops.driver import Options
-    from skfem_contact.loops.step import Record
     from skfem_contact.obstacles.rigid_body import RigidBody
 finally:
     if _COLLECTS:
         gc.enable()
 
 if TYPE_CHECKING:
-    from skfem_contact.answers.error.sources import ErrorEstimate, ErrorSources
-    from skfem_contact.answers.tangent.changes import Parameter
-    from skfem_contact.answers.tangent.modes import Modes
-    from skfem_contact.answers.tangent.sensitivity import Sensitivity
-    from skfem_contact.answers.tangent.tangent import Tangent
-    from skfem_contact.assemblies.finding import FoundContact, FoundContacts, find_contacts
+    from skfem_contact import (
+        answers,
+        assemblies,
+        bodies,
+        conditions,
+        elimination,
+        errors,
+        history,
+        linalg,
+        loops,
+        materials,
+        obstacles,
+        output,
+        petsc,
+        reference,
+    )
+    from skfem_contact.assemblies.finding import find_contacts
     from skfem_contact.assemblies.reading import read_bodies
     from skfem_contact.bodies.nonlinear import NonlinearBody
-    from skfem_contact.elimination.condense import ConstraintRows, condense, contact_rows
-    from skfem_contact.elimination.constraint import AffineConstraint
-    from skfem_contact.elimination.eliminate import eliminate
-    from skfem_contact.history.checkpoint import SavedState
-    from skfem_contact.history.gradients import Gradient, Jacobian
-    from skfem_contact.linalg.amg import AMG
     from skfem_contact.materials.elastic import Elastic
-    from skfem_contact.materials.hyperelastic import MooneyRivlin, NeoHooke
     from skfem_contact.materials.plasticity import J2
-    from skfem_contact.obstacles.level_set import LevelSet
     from skfem_contact.obstacles.polyline import RigidPolyline
     from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
     from skfem_contact.obstacles.triangles import RigidSurface
     from skfem_contact.output.plot_bodies import plot_deformed
-    from skfem_contact.output.plot_contacts import plot_contact, plot_joints
-    from skfem_contact.output.plot_histories import plot_force, plot_history
-    from skfem_contact.output.plot_pairs import plot_pairs
-    from skfem_contact.output.scene import scene
-    from skfem_contact.output.stress import nodal_field, nodal_stress, von_mises
+    from skfem_contact.output.plot_contacts import plot_contact
+    from skfem_contact.output.plot_histories import plot_history
+    from skfem_contact.output.stress import nodal_stress, von_mises
     from skfem_contact.output.vtk import write, write_series
-    from skfem_contact.petsc.backend import PETSc
 
+#: What a script needs first, and the packages that have the other public names.
 __all__ = [
-    "AMG",
     "J2",
-    "AffineConstraint",
-    "Archard",
     "Body",
     "Bolt",
-    "BoltValues",
-    "Certificate",
-    "ConstraintError",
-    "ConstraintRows",
     "Contact",
     "ContactError",
-    "ContactResult",
     "ContactSolver",
-    "ContactSurface",
-    "ContactValidity",
-    "ContactValues",
     "ContactWarning",
     "Coulomb",
-    "Direct",
-    "Drift",
     "Elastic",
-    "ErrorEstimate",
-    "ErrorSources",
-    "FoundContact",
-    "FoundContacts",
-    "FrictionLaw",
-    "Gradient",
-    "InputError",
-    "Jacobian",
-    "Joint",
-    "Joints",
-    "Kinematics",
-    "LevelSet",
-    "LinearSolveError",
-    "LoadCases",
-    "MaterialError",
-    "Modes",
-    "MooneyRivlin",
-    "NeoHooke",
-    "NoEquilibrium",
     "NonlinearBody",
-    "NotConverged",
     "Options",
-    "OrthotropicCoulomb",
-    "PETSc",
-    "Parameter",
-    "Record",
     "RigidBody",
     "RigidCylinder",
     "RigidPlane",
     "RigidPolyline",
     "RigidSphere",
     "RigidSurface",
-    "SavedState",
-    "Sensitivity",
-    "SingularMatrix",
-    "System",
-    "Tangent",
     "Tresca",
-    "Uniqueness",
-    "UnknownKeyword",
-    "Validity",
-    "condense",
-    "contact_rows",
-    "eliminate",
+    "answers",
+    "assemblies",
+    "bodies",
+    "conditions",
+    "elimination",
+    "errors",
     "find_contacts",
-    "nodal_field",
+    "history",
+    "linalg",
+    "loops",
+    "materials",
     "nodal_stress",
+    "obstacles",
+    "output",
+    "petsc",
     "plot_contact",
     "plot_deformed",
-    "plot_force",
     "plot_history",
-    "plot_joints",
-    "plot_pairs",
     "read_bodies",
-    "scene",
-    "stack",
+    "reference",
     "von_mises",
     "write",
     "write_series",
@@ -208,63 +147,62 @@ __all__ = [
 
 __version__ = "0.2.0"
 
-#: Where the names stand that are imported when they are first asked for.
+#: Where the names stand that are imported when they are first asked for, and packages (empty).
 _LATER = {
-    "AMG": "linalg.amg",
-    "AffineConstraint": "elimination.constraint",
-    "ConstraintRows": "elimination.condense",
     "Elastic": "materials.elastic",
-    "ErrorEstimate": "answers.error.sources",
-    "ErrorSources": "answers.error.sources",
     "J2": "materials.plasticity",
-    "FoundContact": "assemblies.finding",
-    "FoundContacts": "assemblies.finding",
-    "Gradient": "history.gradients",
-    "Jacobian": "history.gradients",
-    "LevelSet": "obstacles.level_set",
-    "Modes": "answers.tangent.modes",
-    "MooneyRivlin": "materials.hyperelastic",
-    "NeoHooke": "materials.hyperelastic",
     "NonlinearBody": "bodies.nonlinear",
-    "PETSc": "petsc.backend",
-    "Parameter": "answers.tangent.changes",
     "RigidCylinder": "obstacles.shapes",
     "RigidPlane": "obstacles.shapes",
     "RigidPolyline": "obstacles.polyline",
     "RigidSphere": "obstacles.shapes",
     "RigidSurface": "obstacles.triangles",
-    "SavedState": "history.checkpoint",
-    "Sensitivity": "answers.tangent.sensitivity",
-    "Tangent": "answers.tangent.tangent",
-    "condense": "elimination.condense",
-    "contact_rows": "elimination.condense",
-    "eliminate": "elimination.eliminate",
     "find_contacts": "assemblies.finding",
-    "nodal_field": "output.stress",
     "nodal_stress": "output.stress",
     "plot_contact": "output.plot_contacts",
     "plot_deformed": "output.plot_bodies",
-    "plot_force": "output.plot_histories",
     "plot_history": "output.plot_histories",
     "read_bodies": "assemblies.reading",
-    "plot_joints": "output.plot_contacts",
-    "plot_pairs": "output.plot_pairs",
-    "scene": "output.scene",
     "von_mises": "output.stress",
     "write": "output.vtk",
     "write_series": "output.vtk",
 }
 
+_PACKAGES = (
+    "answers",
+    "assemblies",
+    "bodies",
+    "conditions",
+    "elimination",
+    "errors",
+    "history",
+    "linalg",
+    "loops",
+    "materials",
+    "obstacles",
+    "output",
+    "petsc",
+    "reference",
+)
+
 
 def __getattr__(name: str) -> Any:
     """A public name that is not imported yet."""
+    if name in _PACKAGES:
+        return import_module(f"{__name__}.{name}")
     if name not in _LATER:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}{_elsewhere(name)}")
     value = getattr(import_module(f"{__name__}.{_LATER[name]}"), name)
     globals()[name] = value  # from now on found without this function
     return value
 
 
+def _elsewhere(name: str) -> str:
+    """Which package has a name that is not at the top."""
+    has = [p for p in _PACKAGES if name in getattr(import_module(f"{__name__}.{p}"), "__all__", ())]
+    return f": it is in {__name__}.{has[0]}" if has else ""
+
+
 def __dir__() -> list[str]:
-    """The public names; packages are found by their imports, and are not public."""
+    """The public names; other packages are found by their imports, and are not public."""
     return [*__all__, "__all__", "__doc__", "__version__"]

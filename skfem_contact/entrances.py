@@ -1,21 +1,26 @@
 """The names that tests and extensions take from inside a package, by the package alone.
 
 ``from skfem_contact.pairing import dual_mortar``: in which module of a package a step of the theory
-stands is the package's own matter, and a module that moves is one line in its `__init__`. None of these
-names is public, see docs/entrances.md. Modules of the library import from each other by full names.
+stands is the package's own matter, and a module that moves is one line in its `__init__`. Of these
+names those in the package's `__all__` are public; the others are for tests, see docs/entrances.md.
+Modules of the library import from each other by full names.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
 
-def entrances(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
-    """The `__getattr__` of a package that hands out names of its modules, imported when asked for.
+def entrances(
+    package: str, public: Sequence[str], modules: Mapping[str, str]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """Return `__getattr__` and `__dir__` of a package that hands out names of its modules.
 
-    >>> find = entrances("skfem_contact.bodies", {"normals": "angle_between tangents"})
+    They are imported when they are asked for; ``dir`` shows the public ones only.
+
+    >>> find, names = entrances("skfem_contact.bodies", [], {"normals": "angle_between tangents"})
     >>> find("tangents").__module__
     'skfem_contact.bodies.normals'
     """
@@ -26,4 +31,4 @@ def entrances(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         return getattr(import_module(f"{package}.{place[name]}"), name)
 
-    return find
+    return find, lambda: [*public]

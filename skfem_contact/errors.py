@@ -8,7 +8,19 @@ from __future__ import annotations
 
 import sys
 import warnings
+from math import nan
 from typing import Any
+
+__all__ = [
+    "ConstraintError",
+    "InputError",
+    "LinearSolveError",
+    "MaterialError",
+    "NoEquilibrium",
+    "NotConverged",
+    "SingularMatrix",
+    "UnknownKeyword",
+]
 
 
 class ContactWarning(UserWarning):
@@ -103,8 +115,10 @@ class ConstraintError(ContactError, ValueError):
     --------
     >>> import skfem_contact as sc
     >>> try:
-    ...     sc.eliminate([[1.0, 0.0], [1.0, 0.0]], [0.0, 1.0])  # the same DOF is to be 0 and 1
-    ... except sc.ConstraintError as error:
+    ...     sc.elimination.eliminate(
+    ...         [[1.0, 0.0], [1.0, 0.0]], [0.0, 1.0]
+    ...     )  # the same DOF is to be 0 and 1
+    ... except sc.errors.ConstraintError as error:
     ...     print("contradict" in str(error))
     True
     """
@@ -128,11 +142,11 @@ class MaterialError(ContactError):
     --------
     >>> import numpy as np
     >>> import skfem_contact as sc
-    >>> rubber = sc.NeoHooke(shear=1.0, bulk=2.0)
+    >>> rubber = sc.materials.NeoHooke(shear=1.0, bulk=2.0)
     >>> folded = np.diag([-1.5, 0.0, 0.0])[:, :, None, None]  # a displacement gradient
     >>> try:
     ...     rubber(folded, {})
-    ... except sc.MaterialError as error:
+    ... except sc.errors.MaterialError as error:
     ...     print(error.element)
     0
     """
@@ -168,7 +182,7 @@ class NoEquilibrium(ContactError):
     ... )
     >>> try:
     ...     sc.ContactSolver(loose, foot).solve()
-    ... except sc.NoEquilibrium as error:
+    ... except sc.errors.NoEquilibrium as error:
     ...     print(error.bodies, error.motion)
     ('loose',) translation along x
     """
@@ -209,7 +223,7 @@ class NotConverged(ContactError):
     >>> solver = sc.ContactSolver(block, foot)
     >>> try:
     ...     solver.solve(x={"block": {"top": (0.02, -0.01)}}, callback=impatient)
-    ... except sc.NotConverged as error:
+    ... except sc.errors.NotConverged as error:
     ...     print(error.result.converged, error.result.pressure.shape)
     False (5,)
     """
@@ -217,3 +231,62 @@ class NotConverged(ContactError):
     def __init__(self, message: str, result: Any = None) -> None:
         super().__init__(message)
         self.result = result
+
+
+class SingularMatrix(ContactError):
+    """A matrix is singular to working precision.
+
+    Attributes
+    ----------
+    dof : int
+        The DOF (row) at which it shows; -1 where unknown.
+    ratio : float
+        Stiffness left there divided by its diagonal entry; NaN where unknown.
+
+    Examples
+    --------
+    >>> import skfem_contact as sc
+    >>> from scipy.sparse import csr_matrix
+    >>> try:
+    ...     sc.linalg.Direct().factorize(csr_matrix([[1.0, 1.0], [1.0, 1.0]]))
+    ... except sc.errors.SingularMatrix:
+    ...     print("no unique answer")
+    no unique answer
+    """
+
+    def __init__(self, message: str, dof: int = -1, ratio: float = nan) -> None:
+        super().__init__(message)
+        self.dof, self.ratio = int(dof), float(ratio)
+
+
+class LinearSolveError(ContactError):
+    """An iterative or foreign solver returned no solution.
+
+    Attributes
+    ----------
+    residual : float
+        ``|b - A x| / |b|`` of the best answer; NaN where unknown.
+    iterations : int
+        How many were made.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> solver = sc.ContactSolver(block, foot, linear=sc.linalg.AMG(tol=1e-14, max_iterations=1))
+    >>> try:
+    ...     solver.solve()
+    ... except sc.errors.LinearSolveError:
+    ...     print("not reached")
+    not reached
+    """
+
+    def __init__(self, message: str, residual: float = nan, iterations: int = 0) -> None:
+        super().__init__(message)
+        self.residual, self.iterations = float(residual), int(iterations)

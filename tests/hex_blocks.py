@@ -22,8 +22,9 @@ from skfem.models.elasticity import lame_parameters
 from statuses import OPEN
 
 import skfem_contact as sc
-from skfem_contact import AMG, Direct, Kinematics, stack
-from skfem_contact.conditions import CheckedLaw, FrictionRule, LoadCase, rigid_motions
+from skfem_contact.bodies import stack
+from skfem_contact.conditions import CheckedLaw, FrictionRule, Kinematics, LoadCase, rigid_motions
+from skfem_contact.linalg import AMG, Direct
 from skfem_contact.loops import (
     LOOPS,
     Step,

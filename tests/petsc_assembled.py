@@ -59,9 +59,9 @@ def eliminated(linear: Any, K: StackedStiffness, A: csr_matrix, unlike: bool) ->
     rng, n = np.random.default_rng(4), A.shape[0]
     x, f, D = rng.standard_normal(n), rng.standard_normal(n), np.flatnonzero(rng.random(n) < 0.1)
     C = csr_matrix(rng.standard_normal((5, n)) * (rng.random(n) < 0.05))
-    trial = test = sc.eliminate(C, rng.standard_normal(5), D, x)
+    trial = test = sc.elimination.eliminate(C, rng.standard_normal(5), D, x)
     if unlike:
-        test = sc.eliminate(C[:, rng.permutation(n)], np.zeros(5), D)
+        test = sc.elimination.eliminate(C[:, rng.permutation(n)], np.zeros(5), D)
     K_r, f_r = K.reduced(trial, f, test)
     expected, load = trial.reduce(A, f, test=test)
     key = K_r.factorize(linear._settings(not unlike, K_r.layout.block))
@@ -114,7 +114,7 @@ def operators(linear: Any) -> dict[str, float]:
     return out
 
 
-def floating(dim: int, linear: Any) -> sc.ContactResult:
+def floating(dim: int, linear: Any) -> sc.answers.ContactResult:
     """The upper block has loads and no supports."""
     (lower, up), _ = blocks(dim, "mortar", "small", 10 if dim == 2 else 5, linear)
     component, top = np.arange(up.n) % dim, up.dof_points[:, -1] > 0.39
@@ -125,7 +125,7 @@ def floating(dim: int, linear: Any) -> sc.ContactResult:
     return sc.ContactSolver([lower, upper], rough, linear=linear or "auto").solve()
 
 
-def tool(dim: int, linear: Any) -> sc.ContactResult:
+def tool(dim: int, linear: Any) -> sc.answers.ContactResult:
     """A rigid ball under a force is pressed into the lower block."""
     (lower, _), _ = blocks(dim, "mortar", "small", 10 if dim == 2 else 5, linear)
     ball = sc.RigidCylinder((0.5, 0.3), 0.3) if dim == 2 else sc.RigidSphere((0.5, 0.5, 0.3), 0.3)
@@ -136,7 +136,7 @@ def tool(dim: int, linear: Any) -> sc.ContactResult:
     return sc.ContactSolver([lower, body], rough, linear=linear or "auto").solve()
 
 
-def in_series(dim: int, linear: Any) -> sc.ContactResult:
+def in_series(dim: int, linear: Any) -> sc.answers.ContactResult:
     """Newton's iterations begin from springs in series with the points."""
     bodies, rough = blocks(3, "mortar", "small", 5, linear)
     solver = sc.ContactSolver(bodies, rough, linear=linear or "auto")
@@ -173,7 +173,7 @@ def soft(linear: Any) -> float:
     return max(away(found.u, expected.u), away(found.traction, expected.traction))
 
 
-def without_stiffness(linear: Any) -> sc.ContactResult:
+def without_stiffness(linear: Any) -> sc.answers.ContactResult:
     """A DOF that has none."""
     (lower, upper), _ = blocks(2, "mortar", "small", 10)
     K = lower.K.tolil()
@@ -243,7 +243,7 @@ def refused(linear: Any) -> list[str]:
         lambda: solver.system.K,
         lambda: solver.sizes(),
         lambda: sc.ContactSolver(bodies, contact),
-        lambda: sc.ContactSolver(bodies, contact, linear=sc.AMG()),
+        lambda: sc.ContactSolver(bodies, contact, linear=sc.linalg.AMG()),
         lambda: sc.ContactSolver(bodies, contact, linear="iterated"),
         lambda: sc.Body(lower, bodies[1].K),
         lambda: sc.Body(lower, linear_elasticity()),
@@ -262,7 +262,7 @@ def refused(linear: Any) -> list[str]:
     for attempt in tries:
         try:
             said.append(f"not refused: {attempt()!r}")
-        except (sc.InputError, AttributeError, sc.SingularMatrix) as error:
+        except (sc.errors.InputError, AttributeError, sc.errors.SingularMatrix) as error:
             said.append(f"{type(error).__name__}: {error}")
     # all of that has left the ranks as they were
     result = solver.solve(x=moves(bodies[1])[0]["x"])
@@ -275,7 +275,7 @@ def refused(linear: Any) -> list[str]:
 def main() -> None:
     """Only rank 0 comes past `PETSc()`."""
     what, where = sys.argv[1:3]
-    linear = sc.PETSc(tol=1e-12)
+    linear = sc.petsc.PETSc(tol=1e-12)
     if what == "operators":
         np.savez(where, **operators(linear))
     elif what == "others":

@@ -54,7 +54,7 @@ def compared(linear: Any, body: sc.Body, K: Any, A: csr_matrix, keep: np.ndarray
     rng, free = np.random.default_rng(1), np.delete(np.arange(body.n), body.D)
     place = np.searchsorted(free, keep)
     found = linear.condensed(body, K, free, place)
-    expected = sc.Direct().condensed(body, A, free, place)
+    expected = sc.linalg.Direct().condensed(body, A, free, place)
     f, u_c = rng.standard_normal((len(free), 3)), rng.standard_normal((len(place), 3))
     dofs = rng.permutation(len(free))[:40]
     held = np.eye(len(place)) + expected.S
@@ -105,7 +105,7 @@ def factors(linear: Any) -> dict[str, float]:
 # -- answers ----------------------------------------------------------------------------------
 
 
-def seat(linear: Any, options: sc.Options | None = None) -> sc.ContactResult:
+def seat(linear: Any, options: sc.Options | None = None) -> sc.answers.ContactResult:
     """A rigid tool on nodes of two symmetry planes: contact rows that depend on each other."""
     mesh = fem.MeshHex.init_tensor(*3 * [np.linspace(0, 1, 3)]).with_defaults()
     basis = linear.numbering(mesh, fem.ElementVector(fem.ElementHex1())) if linear else basis_of(mesh)
@@ -123,14 +123,14 @@ def seat(linear: Any, options: sc.Options | None = None) -> sc.ContactResult:
     return solver.solve(f={"block": {"back": (0.004, -0.002, -0.02)}})
 
 
-def loop(linear: Any, name: str) -> sc.ContactResult:
+def loop(linear: Any, name: str) -> sc.answers.ContactResult:
     """One of the loops."""
     bodies, rough = blocks(2, "mortar", "small", 10, linear)
     solver = sc.ContactSolver(bodies, rough, linear=linear or "auto", loop=name)
     return solver.solve(x=moves(bodies[1])[1]["x"])
 
 
-def sprung(linear: Any) -> sc.ContactResult:
+def sprung(linear: Any) -> sc.answers.ContactResult:
     """The upper block is as stiff again near its top, by terms that one process has."""
     bodies, rough = blocks(2, "mortar", "small", 10, linear)
     upper = bodies[1]
@@ -139,7 +139,7 @@ def sprung(linear: Any) -> sc.ContactResult:
     return solver.with_stiffness(upper, upper.K + more).solve(x=moves(upper)[1]["x"])
 
 
-def beside(linear: Any) -> sc.ContactResult:
+def beside(linear: Any) -> sc.answers.ContactResult:
     """A third body that touches nothing, with a load."""
     bodies, rough = blocks(2, "mortar", "small", 10, linear)
     mesh = fem.MeshQuad().refined(2).translated((3.0, 0.0)).with_defaults()
@@ -151,7 +151,7 @@ def beside(linear: Any) -> sc.ContactResult:
 
 def others(linear: Any, every: bool) -> dict[str, float]:
     """Differences of displacements and tractions from the default's, and certificates."""
-    scenes: dict[str, Callable[[Any], sc.ContactResult]] = {
+    scenes: dict[str, Callable[[Any], sc.answers.ContactResult]] = {
         "floating": lambda way: petsc_assembled.floating(2, way),
         "tool": lambda way: petsc_assembled.tool(2, way),
         "sprung": sprung,
@@ -213,7 +213,7 @@ def said(linear: Any) -> list[str]:
         dense.sizes,
         lambda: linear.condensed(soft, soft.K, np.arange(upper.n), np.arange(100)),
         lambda: linear.condensed(loose, loose.K, np.arange(upper.n), np.arange(100)),
-        lambda: sc.AMG().condensed(upper, upper.K, np.arange(upper.n), np.arange(100)),
+        lambda: sc.linalg.AMG().condensed(upper, upper.K, np.arange(upper.n), np.arange(100)),
         lambda: small.condensed(larger, larger.K, np.arange(larger.n), larger.D),
     ]
     for attempt in tries:
@@ -234,7 +234,7 @@ def main() -> None:
     what, where, *words = (word for word in sys.argv[1:] if not word.startswith("-"))
     if what == "broken" and os.environ.get("OMPI_COMM_WORLD_RANK", "0") != "0":
         internals.replace(usual, "petsc.BodyShare.coupled", no_room)
-    linear = sc.PETSc("direct", tol=1e-12)
+    linear = sc.petsc.PETSc("direct", tol=1e-12)
     if what == "factors":
         np.savez(where, **factors(linear))
     elif what == "others":

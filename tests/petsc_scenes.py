@@ -203,7 +203,7 @@ def main() -> None:
             from petsc4py import PETSc
 
             PETSc.Sys.setDefaultComm(PETSc.COMM_SELF)
-    linear = sc.PETSc("direct" if "direct" in words else "iterative", tol=1e-12)
+    linear = sc.petsc.PETSc("direct" if "direct" in words else "iterative", tol=1e-12)
     if what == "answers":
         scenes = [word for word in words if word in SCENES] or list(SCENES)
         options = replace(PLACED, max_dense_bytes=0) if "iterated" in words else PLACED

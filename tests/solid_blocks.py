@@ -12,8 +12,8 @@ from scipy.sparse import csr_matrix
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact import Kinematics, System
-from skfem_contact.conditions import LoadCase, rigid_motions
+from skfem_contact.bodies import System
+from skfem_contact.conditions import Kinematics, LoadCase, rigid_motions
 from skfem_contact.problem import PosedOn
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ def two_blocks(n: int, layers: int, *, floating: bool = False, E: float = 1.0) -
     bodies = [_block("low", -0.5, n, layers, 1.0, "low"), _block("up", 0.0, n, layers, E, None)]
     if not floating:
         bodies[1] = _block("up", 0.0, n, layers, E, "high")
-    system = sc.stack(bodies)
+    system = sc.bodies.stack(bodies)
     low, up = (body.basis for body in bodies)
     top, bottom = (_plane(basis) for basis in (low, up))
     points = up.mesh.p[:, bottom].T

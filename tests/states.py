@@ -26,10 +26,12 @@ class State:
     The upper block is rounded by a gap, pressed down by its top and moved to and fro.
     """
 
-    def __init__(self, seed: int, dim: int = 2, law: Callable[[float], sc.FrictionLaw] = sc.Coulomb):
+    def __init__(
+        self, seed: int, dim: int = 2, law: Callable[[float], sc.conditions.FrictionLaw] = sc.Coulomb
+    ):
         draw = np.random.default_rng(seed)
         self.dim, self.law = dim, law
-        self.ours = isinstance(law(0.3), sc.Coulomb | sc.Tresca | sc.OrthotropicCoulomb)
+        self.ours = isinstance(law(0.3), sc.Coulomb | sc.Tresca | sc.conditions.OrthotropicCoulomb)
         self.method = draw.choice(["mortar", "node"])
         steps = int(draw.choice([1, 4]))
         d = dim - 1
@@ -73,11 +75,11 @@ class State:
         factor = 1.0 + (shift if by == "displacement" else 0.0)
         return [{"x": {"up": {"top": tuple(factor * np.array(way))}}} for way in self.ways]
 
-    def history(self, by: str = "", shift: float = 0.0) -> list[sc.ContactResult]:
+    def history(self, by: str = "", shift: float = 0.0) -> list[sc.answers.ContactResult]:
         return list(self.solver(by, shift).history(self.steps(by, shift)))
 
-    def parameter(self, by: str) -> sc.Parameter:
-        return sc.Parameter(by, of={"stiffness": "low", "displacement": "up"}.get(by))
+    def parameter(self, by: str) -> sc.answers.Parameter:
+        return sc.answers.Parameter(by, of={"stiffness": "low", "displacement": "up"}.get(by))
 
 
 def box(a: float, b: float, low: float, high: float, cells: Any) -> fem.CellBasis:
@@ -91,11 +93,13 @@ def box(a: float, b: float, low: float, high: float, cells: Any) -> fem.CellBasi
     return fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
 
 
-def quantities(result: sc.ContactResult) -> dict[str, Array]:
+def quantities(result: sc.answers.ContactResult) -> dict[str, Array]:
     return {name: np.array(getattr(result, name), dtype=float) for name in QUANTITIES}
 
 
-def forward(results: list[sc.ContactResult], by: sc.Parameter, side: int = 0) -> sc.Sensitivity:
+def forward(
+    results: list[sc.answers.ContactResult], by: sc.answers.Parameter, side: int = 0
+) -> sc.answers.Sensitivity:
     """Derivatives of the last result of a history."""
     found = None
     for result in results:

@@ -73,7 +73,7 @@ def test_the_body_that_errs_most_is_named():
     """Of two meshes the one with the larger share in the error of the energy is to be refined."""
     upper = block("upper", 0.0, 4, 1.0).surface("bottom")
     contact = sc.Contact(upper, sc.RigidPlane((0, 0), (0, 1)))
-    sources = sc.ErrorSources(bodies=0.1, edges=0.01)
+    sources = sc.answers.ErrorSources(bodies=0.1, edges=0.01)
     values = SimpleNamespace(points=upper.points)
     line = SimpleNamespace(ends=np.zeros(5, dtype=bool))
     for coarse, fine in (("upper", "lower"), ("lower", "upper")):

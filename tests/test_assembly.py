@@ -89,7 +89,7 @@ def test_any_constant_tensor_is_known_from_one_call(kind, major):
     assert made.by_skfem == ""
     assert_same(made.K, form.assemble(basis))
     if not major:
-        with pytest.raises(sc.InputError, match="not symmetric"):
+        with pytest.raises(sc.errors.InputError, match="not symmetric"):
             sc.Body(basis, form)
 
 
@@ -343,14 +343,14 @@ MISTAKES = {
 def test_mistakes_in_mesh_and_element_are_named(case):
     given, words = MISTAKES[case]
     mesh, element = given(mesh_of("quad4"), vector("quad4"))
-    with pytest.raises(sc.InputError, match=words):
+    with pytest.raises(sc.errors.InputError, match=words):
         sc.Body.from_mesh(mesh, element, linear_elasticity())
 
 
 def test_mistakes_in_the_degree_are_named():
-    with pytest.raises(sc.InputError, match="intorder"):
+    with pytest.raises(sc.errors.InputError, match="intorder"):
         sc.Body.from_mesh(mesh_of("quad4"), vector("quad4"), linear_elasticity(), intorder=-1)
-    with pytest.raises(sc.InputError, match="basis is one of a scalar field"):
+    with pytest.raises(sc.errors.InputError, match="basis is one of a scalar field"):
         sc.Body.from_mesh(mesh_of("quad4"), fem.ElementQuad1(), linear_elasticity())
 
 

@@ -107,9 +107,11 @@ def test_supported_bodies_are_not_asked_for_springs(blocks: Any, monkeypatch: An
 
 def test_direct_backend_gets_no_rigid_modes(blocks: Any) -> None:
     """Only multigrid asks for the rigid motions of all DOFs."""
-    solver = sc.ContactSolver([blocks.upper, blocks.lower], [blocks.contact()], linear=sc.Direct())
+    solver = sc.ContactSolver(
+        [blocks.upper, blocks.lower], [blocks.contact()], linear=sc.linalg.Direct()
+    )
     assert solver.model.modes is None
-    assert FullSystem(solver.system, solver._stiffness, sc.AMG()).modes is not None
+    assert FullSystem(solver.system, solver._stiffness, sc.linalg.AMG()).modes is not None
 
 
 def test_matrices_of_the_user_are_not_copied(blocks: Any) -> None:
@@ -209,7 +211,7 @@ def test_pictures_files_and_petsc_are_imported_when_asked_for() -> None:
 import sys, skfem_contact as sc
 late = "skfem_contact.output.", "skfem_contact.petsc."
 print([name for name in sys.modules if name.startswith(late)])
-sc.von_mises, sc.PETSc
+sc.von_mises, sc.petsc.PETSc
 print(late[0] + "stress" in sys.modules, late[1] + "backend" in sys.modules)
 print("von_mises" in vars(sc), hasattr(sc, "plot"))
 """

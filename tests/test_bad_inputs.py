@@ -31,8 +31,8 @@ JOINT = sc.Contact(SURFACE, FLOOR, friction=sc.Coulomb(0.3), name="joint")
 SOLVER = sc.ContactSolver(BLOCK, JOINT)
 RESULT = SOLVER.solve()
 OTHER = sc.ContactSolver([BLOCK, LOW], sc.Contact(SURFACE, LOW.surface("top"))).solve()
-SYSTEM = sc.stack(BLOCK)
-ROWS = sc.contact_rows(SYSTEM, JOINT)
+SYSTEM = sc.bodies.stack(BLOCK)
+ROWS = sc.elimination.contact_rows(SYSTEM, JOINT)
 
 
 class Odd:
@@ -121,8 +121,8 @@ CALLS = {
     "surface where, nodes": lambda v: BLOCK.surface(v, nodes=True),
     "surface name": lambda v: BLOCK.surface("bottom", name=v),
     "surface moved": lambda v: SURFACE.moved(v),
-    "stack": lambda v: sc.stack(v),
-    "stack, second": lambda v: sc.stack([BLOCK, v]),
+    "stack": lambda v: sc.bodies.stack(v),
+    "stack, second": lambda v: sc.bodies.stack([BLOCK, v]),
     "system index": lambda v: SYSTEM.index(v),
     "Contact secondary": lambda v: sc.Contact(v, FLOOR),
     "Contact primary": lambda v: sc.Contact(SURFACE, v),
@@ -133,10 +133,10 @@ CALLS = {
     "RigidCylinder radius": lambda v: against(sc.RigidCylinder((0.5, -1.0), v)),
     "RigidCylinder axis": lambda v: against(sc.RigidCylinder((0.5, -1.0), 1.0, axis=v)),
     "RigidSphere hollow": lambda v: against(sc.RigidSphere((0.5, -1.0), 1.0, hollow=v)),
-    "LevelSet function": lambda v: against(sc.LevelSet(v)),
-    "LevelSet gradient": lambda v: against(sc.LevelSet(lambda x: x[1], v)),
+    "LevelSet function": lambda v: against(sc.obstacles.LevelSet(v)),
+    "LevelSet gradient": lambda v: against(sc.obstacles.LevelSet(lambda x: x[1], v)),
     "plane moved": lambda v: FLOOR.moved(v),
-    "level set moved": lambda v: sc.LevelSet(lambda x: x[1]).moved(v),
+    "level set moved": lambda v: sc.obstacles.LevelSet(lambda x: x[1]).moved(v),
     "pair": lambda v: FLOOR.pair(v),
     "ContactSolver bodies": lambda v: sc.ContactSolver(v, JOINT).solve(),
     "ContactSolver contacts": lambda v: sc.ContactSolver(BLOCK, v).solve(),
@@ -155,15 +155,15 @@ CALLS = {
     "recover": lambda v: SOLVER.recover(v),
     "load_state": lambda v: SOLVER.load_state(v),
     "save_state": lambda v: SOLVER.save_state("never_written", v) if v not in SAVED else None,
-    "contact_rows system": lambda v: sc.contact_rows(v, JOINT),
-    "contact_rows contacts": lambda v: sc.contact_rows(SYSTEM, v),
-    "contact_rows closed": lambda v: sc.contact_rows(SYSTEM, JOINT, v),
-    "condense K": lambda v: sc.condense(v, SYSTEM.f, rows=ROWS),
-    "condense f": lambda v: sc.condense(SYSTEM.K, v, rows=ROWS),
-    "condense rows": lambda v: sc.condense(SYSTEM.K, SYSTEM.f, rows=v),
+    "contact_rows system": lambda v: sc.elimination.contact_rows(v, JOINT),
+    "contact_rows contacts": lambda v: sc.elimination.contact_rows(SYSTEM, v),
+    "contact_rows closed": lambda v: sc.elimination.contact_rows(SYSTEM, JOINT, v),
+    "condense K": lambda v: sc.elimination.condense(v, SYSTEM.f, rows=ROWS),
+    "condense f": lambda v: sc.elimination.condense(SYSTEM.K, v, rows=ROWS),
+    "condense rows": lambda v: sc.elimination.condense(SYSTEM.K, SYSTEM.f, rows=v),
     "displacement": lambda v: RESULT.displacement(v),
     "result of a contact": lambda v: RESULT[v],
-    "Direct": lambda v: sc.Direct(v),
+    "Direct": lambda v: sc.linalg.Direct(v),
 }
 SETTINGS = ["friction", "method", "interference", "gap", "adjust", "reach", "outside", "sliding"]
 for _name in [*SETTINGS, "tied", "name"]:
@@ -192,7 +192,7 @@ for _name in ["u", "E", "nu", "plane"]:
         BLOCK, **{"u": U, "E": 1.0, "nu": 0.3, name: v}
     )
 CALLS |= {
-    "Archard": lambda v: sc.Archard(v),
+    "Archard": lambda v: sc.conditions.Archard(v),
     "Contact separation": lambda v: touch(separation=v),
     "RigidBody": lambda v: sc.RigidBody(v),
     "RigidPolyline": lambda v: sc.RigidPolyline(v),
@@ -217,10 +217,10 @@ CALLS |= {
     "plot_contact axes": lambda v: None if v is None else sc.plot_contact(RESULT, ax=v),
     "plot_history": lambda v: None if v is RESULT or v is OTHER else sc.plot_history(v),
     "plot_history over": lambda v: None if v is None else sc.plot_history([RESULT], over=[v, v]),
-    "plot_force": lambda v: sc.plot_force([RESULT], v),
+    "plot_force": lambda v: sc.output.plot_force([RESULT], v),
 }
 for _name in ["C", "b", "D", "x", "prefer", "labels"]:
-    CALLS[f"eliminate {_name}"] = lambda v, name=_name: sc.eliminate(
+    CALLS[f"eliminate {_name}"] = lambda v, name=_name: sc.elimination.eliminate(
         **{"C": ROWS.C, "b": ROWS.b, name: v}
     )
 
@@ -291,11 +291,11 @@ def test_masked_entries_have_no_value(argument):
     values = np.ma.masked_array(np.zeros(size.get(argument, 3)), mask=False)
     CALLS[argument](values)  # nothing is hidden
     values[0] = np.ma.masked
-    with pytest.raises(sc.InputError, match="masked array, 1 of its entries"):
+    with pytest.raises(sc.errors.InputError, match="masked array, 1 of its entries"):
         CALLS[argument](values)
 
 
 def test_law_with_wrong_number_of_points():
     """A coefficient per point has to fit the points, and the message has both numbers."""
-    with pytest.raises(sc.InputError, match=r"mu .* has shape \(2,\).* has 3 points"):
+    with pytest.raises(sc.errors.InputError, match=r"mu .* has shape \(2,\).* has 3 points"):
         touch(friction=sc.Coulomb([0.1, 0.2]))

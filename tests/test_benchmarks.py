@@ -154,7 +154,7 @@ def test_a_failed_setting_is_a_row(modules: Any, monkeypatch: pytest.MonkeyPatch
 
 
 def test_the_pages_show_what_is_stored(modules: Any) -> None:
-    """The tables in docs/trade.md and docs/methods.md are those of results/trade.json."""
+    """The tables in docs/checks/trade.md and docs/methods.md are those of results/trade.json."""
     tables = modules["trade_tables"]
     stored = json.loads(modules["trade"].STORED.read_text(encoding="utf-8"))
     for page, wanted in tables.tables(stored).items():
@@ -171,26 +171,31 @@ def marked(page: str, name: str) -> str:
 
 Table = Callable[[Any, Any], str]
 STORED: list[tuple[str, str, str, Table]] = [  # page, module, stored run, the table of it
-    ("docs/performance.md", "run", "history", lambda run, found: run.table(found["rows"])),
+    ("docs/checks/performance.md", "run", "history", lambda run, found: run.table(found["rows"])),
     ("README.md", "run", "history", lambda run, found: run.table(found["rows"], run.SHORT)),
     ("paper.md", "run", "history", lambda run, found: run.table(found["rows"], run.SHORT)),
-    ("docs/performance.md", "solids", "solids", lambda run, found: run.table(found["rows"])),
+    ("docs/checks/performance.md", "solids", "solids", lambda run, found: run.table(found["rows"])),
     ("README.md", "solids", "solids", lambda run, found: run.table(found["rows"], run.SHORT)),
-    ("docs/performance.md", "whole_jobs", "whole_jobs", lambda run, found: run.table(found["rows"])),
-    ("docs/performance.md", "pairing", "pairing", lambda run, found: run.table(found["rows"])),
-    ("docs/performance.md", "iterations", "iterations", lambda run, found: run.table(found)),
-    ("docs/sliding.md", "sliding", "sliding", lambda run, found: run.table(found)),
-    ("docs/audit.md", "audit", "audit", lambda run, found: run.table(found["rows"])),
-    ("docs/assemblies.md", "found_contacts", "found_contacts", lambda run, found: run.table(found)),
-    ("docs/audit.md", "audit", "audit", lambda run, found: run.imports_table(found["imports"])),
     (
-        "docs/effectivity.md",
+        "docs/checks/performance.md",
+        "whole_jobs",
+        "whole_jobs",
+        lambda run, found: run.table(found["rows"]),
+    ),
+    ("docs/checks/performance.md", "pairing", "pairing", lambda run, found: run.table(found["rows"])),
+    ("docs/checks/performance.md", "iterations", "iterations", lambda run, found: run.table(found)),
+    ("docs/sliding.md", "sliding", "sliding", lambda run, found: run.table(found)),
+    ("docs/checks/audit.md", "audit", "audit", lambda run, found: run.table(found["rows"])),
+    ("docs/assemblies.md", "found_contacts", "found_contacts", lambda run, found: run.table(found)),
+    ("docs/checks/audit.md", "audit", "audit", lambda run, found: run.imports_table(found["imports"])),
+    (
+        "docs/checks/effectivity.md",
         "effectivity_table",
         "effectivity",
         lambda run, found: run.table(found["rows"]),
     ),
     (
-        "docs/effectivity.md",
+        "docs/checks/effectivity.md",
         "effectivity_table",
         "effectivity_solids",
         lambda run, found: run.table(found),
@@ -223,10 +228,10 @@ def test_tables_of_extremes_are_those_of_the_stored_runs(monkeypatch: pytest.Mon
     import fuzz
 
     rows = json.loads(extremes.STORED.read_text(encoding="utf-8"))["rows"]
-    assert marked("extremes.md", "extremes") == extremes.table(rows)
+    assert marked("checks/extremes.md", "extremes") == extremes.table(rows)
     assert sum(row["wrong"] for row in rows.values()) == 0
     runs = [json.loads(path.read_text(encoding="utf-8")) for path in fuzz.STORED]
-    assert marked("extremes.md", "fuzz") == fuzz.table(runs)
+    assert marked("checks/extremes.md", "fuzz") == fuzz.table(runs)
     assert sum(run["kinds"]["wrong"] + run["kinds"]["crashed"] for run in runs) == 0
 
 

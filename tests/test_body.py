@@ -9,8 +9,10 @@ import skfem as fem
 from quick_elasticity import linear_elasticity
 from skfem.models.poisson import laplace
 
-from skfem_contact import Body, Contact, ContactSolver, InputError, RigidPlane, stack
+from skfem_contact import Body, Contact, ContactSolver, RigidPlane
+from skfem_contact.bodies import stack
 from skfem_contact.bodies.pieces import pieces
+from skfem_contact.errors import InputError
 
 ELASTIC = linear_elasticity()
 MESH = fem.MeshQuad().refined(2).with_defaults()

@@ -105,11 +105,11 @@ WRONG = {
 def test_what_can_not_be_meant_is_refused(case):
     """In words, with the boundary and the component; by a body and by a step."""
     given, words = WRONG[case]
-    with pytest.raises(sc.InputError, match=words):
+    with pytest.raises(sc.errors.InputError, match=words):
         body_of(D=["top", "right"], x=given)
     body = body_of(D=["top", "right"])
     solver = sc.ContactSolver(body, sc.Contact(body.surface("bottom"), FLOOR))
-    with pytest.raises(sc.InputError, match=words):
+    with pytest.raises(sc.errors.InputError, match=words):
         next(solver.history([{"x": {"block": given}}]))
 
 

@@ -17,8 +17,7 @@ from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact import Certificate
-from skfem_contact.answers import answer_of
+from skfem_contact.answers import Certificate, answer_of
 
 # Answers are exact to round-off of the condition number of bodies of some hundred DOFs.
 SOLVED = 1e-11
@@ -83,7 +82,7 @@ def spoiled(result, u=None, seen=None, slip0=None, mismatch=None, plastic=None, 
         parts["mismatch"] = mismatch
     wrong = replace(answer_of(result), **parts)
     vars(wrong)["u"] = result.u if u is None else u
-    return sc.ContactResult(wrong).certificate
+    return sc.answers.ContactResult(wrong).certificate
 
 
 def size(result):

@@ -12,8 +12,7 @@ from scipy.spatial.transform import Rotation
 from solid_meshes import at, cube, elastic
 
 import skfem_contact as sc
-from skfem_contact import Certificate
-from skfem_contact.answers import answer_of
+from skfem_contact.answers import Certificate, answer_of
 
 # As in `test_certificate`: round-off of bodies of some hundred DOFs, and what a tenth of a force is.
 SOLVED = 1e-11
@@ -80,7 +79,7 @@ def spoiled(result, u=None, gap0=None, contacts=None, plastic=None, **state):
         parts["contacts"] = contacts
     wrong = replace(answer, **parts)
     vars(wrong)["u"] = result.u if u is None else u
-    return sc.ContactResult(wrong).certificate
+    return sc.answers.ContactResult(wrong).certificate
 
 
 def part(result, name):
@@ -253,7 +252,7 @@ def test_moment_of_friction_across_gaps(result):
         state=replace(answer.state, tangential_force=force),
     )
     vars(wrong)["u"] = result.u
-    certificate = sc.ContactResult(wrong).certificate
+    certificate = sc.answers.ContactResult(wrong).certificate
     # (0, 0, 0.2) x (-0.001, 0, 0) = (0, -0.0002, 0) for each point
     about_y = 2e-4 * (where.stop - where.start)
     glue = np.cross(

@@ -20,7 +20,7 @@ LOOPS = ["newton", "direct", "fictitious"]
 
 
 @dataclass(frozen=True, eq=False)
-class Own(sc.FrictionLaw):
+class Own(sc.conditions.FrictionLaw):
     """A law of the user's own, by functions."""
 
     bound: Callable[..., Any] = field(kw_only=True)
@@ -78,9 +78,9 @@ WRONG = {
 def test_wrong_bounds_are_named(what, loop):
     """Contact, law, point and value of a bound that is none are said, by every loop alike."""
     bound, words = WRONG[what]
-    with pytest.raises(sc.InputError, match=r"contact 'joint': Own\.limit") as caught:
+    with pytest.raises(sc.errors.InputError, match=r"contact 'joint': Own\.limit") as caught:
         pushed(own(bound), loop).solve()
-    with pytest.raises(sc.InputError, match=words):
+    with pytest.raises(sc.errors.InputError, match=words):
         raise caught.value
 
 
@@ -88,7 +88,9 @@ def test_wrong_bounds_are_named(what, loop):
 def test_wrong_slopes_are_named(value):
     """A derivative that is not finite is refused where the point presses."""
     law = own(lambda N, A, s: 0.1 * N, lambda N, A, s: np.full_like(N, value))
-    with pytest.raises(sc.InputError, match=r"contact 'joint': Own\.slope returned .* slope out"):
+    with pytest.raises(
+        sc.errors.InputError, match=r"contact 'joint': Own\.slope returned .* slope out"
+    ):
         pushed(law).solve()
 
 
@@ -141,7 +143,7 @@ def test_round_off_below_zero_is_zero():
         if good:
             assert law.limit(*arguments) == 0.0
         else:
-            with pytest.raises(sc.InputError, match=">= 0"):
+            with pytest.raises(sc.errors.InputError, match=">= 0"):
                 law.limit(*arguments)
 
 
@@ -157,7 +159,7 @@ def test_round_off_below_zero_is_zero():
         (own(lambda N, A, s: 0.5 * N), False),
     ],
 )
-def test_laws_that_grip_wherever_something_presses(law: sc.FrictionLaw, grips: bool) -> None:
+def test_laws_that_grip_wherever_something_presses(law: sc.conditions.FrictionLaw, grips: bool) -> None:
     """What is said to grip has a bound that forces of all sizes are told from; it need not be asked."""
     checked = checked_law(law, np.zeros((2, 2)))
     assert checked.grips is grips
@@ -170,10 +172,10 @@ def test_laws_that_grip_wherever_something_presses(law: sc.FrictionLaw, grips: b
 
 def test_the_certificate_shows_nan():
     """NaN in any number of a certificate is the worst of them; only moments may be missing."""
-    good = sc.Certificate(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.nan, np.nan, np.nan)
+    good = sc.answers.Certificate(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.nan, np.nan, np.nan)
     assert good.worst == 0.0
     assert "moment" not in str(good)
-    spoiled = sc.Certificate(0.0, 0.0, 0.0, 0.0, np.nan, 0.0, 0.0, np.nan, np.nan, np.nan)
+    spoiled = sc.answers.Certificate(0.0, 0.0, 0.0, 0.0, np.nan, 0.0, 0.0, np.nan, np.nan, np.nan)
     assert np.isnan(spoiled.worst)
     assert re.search(r"friction +nan", str(spoiled))
 
@@ -250,7 +252,7 @@ def test_hardening_laws(name, loop):
 
 
 @dataclass(frozen=True, eq=False)
-class Mapped(sc.FrictionLaw):
+class Mapped(sc.conditions.FrictionLaw):
     """A bound that grows with slip, with a return map in closed form, spoiled by `change`."""
 
     change: Callable[..., Any] | None = field(default=None, kw_only=True)
@@ -308,7 +310,7 @@ NO_MAP = {
 def test_return_maps_that_are_none_are_named(what):
     """Contact, law, point and numbers are said, or what it has to return."""
     change, words = NO_MAP[what]
-    with pytest.raises(sc.InputError, match=r"contact 'joint': Mapped\.return_map") as caught:
+    with pytest.raises(sc.errors.InputError, match=r"contact 'joint': Mapped\.return_map") as caught:
         pushed(Mapped(change=change)).solve()
-    with pytest.raises(sc.InputError, match=words):
+    with pytest.raises(sc.errors.InputError, match=words):
         raise caught.value

@@ -16,7 +16,7 @@ from skfem_contact.problem import Choice
 
 BASIS = fem.Basis(fem.MeshQuad().refined(3).with_defaults(), fem.ElementVector(fem.ElementQuad1()))
 BODY = sc.Body(BASIS, linear_elasticity(), D="top", name="block")
-SYSTEM = sc.stack([BODY])
+SYSTEM = sc.bodies.stack([BODY])
 CONDENSES = SimpleNamespace(condenses=True, complements=0)
 SOLVES = SimpleNamespace(condenses=False)
 MUCH = 1e12
@@ -38,8 +38,8 @@ MUCH = 1e12
         ("condensed", 1.0, 1.0, "condensed"),
         ("iterated", MUCH, 1.0, "iterated"),
         (SOLVES, MUCH, MUCH, "full"),
-        (sc.Direct(), MUCH, MUCH, "full"),
-        (sc.AMG(), MUCH, MUCH, "multigrid"),
+        (sc.linalg.Direct(), MUCH, MUCH, "full"),
+        (sc.linalg.AMG(), MUCH, MUCH, "multigrid"),
     ],
 )
 def test_the_way_is_what_is_chosen_or_what_memory_allows(linear, dense, factors, route):
@@ -71,9 +71,9 @@ def solve_with_scipy(A, b):
     ("linear", "condenses"),
     [
         ("condensed", True),
-        (sc.Direct(), True),
+        (sc.linalg.Direct(), True),
         ("iterated", False),
-        (sc.AMG(), False),
+        (sc.linalg.AMG(), False),
         (solve_with_scipy, False),
     ],
     ids=["condensed", "Direct", "iterated", "AMG", "callable"],

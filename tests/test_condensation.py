@@ -66,7 +66,7 @@ def scene(kind="Q1", floating=False, linear="auto", method="node", mu=0.3):
 def test_routes_agree(kind, floating, method, mu, route):
     """Gaps and slips, forces, or all DOFs as unknowns: the same displacements and forces on a path."""
     settings = {"kind": kind, "floating": floating, "method": method, "mu": mu}
-    dense, sparse = scene(**settings, linear=route), scene(**settings, linear=sc.Direct())
+    dense, sparse = scene(**settings, linear=route), scene(**settings, linear=sc.linalg.Direct())
     problem = dense.linear_model.problem_on(None, None)
     assert isinstance(problem, PointProblem if route == "condensed" else IteratedProblem)
     for a, b in zip(dense.history([0.5, 1.0, 0.3]), sparse.history([0.5, 1.0, 0.3]), strict=True):
@@ -77,7 +77,7 @@ def test_routes_agree(kind, floating, method, mu, route):
         assert a.certificate.worst < 1e-10
 
 
-@pytest.mark.parametrize("linear", ["auto", sc.Direct()], ids=["points", "displacements"])
+@pytest.mark.parametrize("linear", ["auto", sc.linalg.Direct()], ids=["points", "displacements"])
 def test_laws_of_points_that_stick_or_are_open_are_not_heard(linear):
     """Only a point that slides has a spring, a force and a share of the pressure, whatever is said."""
     solver = scene(linear=linear)
@@ -101,7 +101,7 @@ def test_laws_of_points_that_stick_or_are_open_are_not_heard(linear):
         assert_allclose(getattr(said, key), wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
 
 
-@pytest.mark.parametrize("linear", ["auto", sc.Direct()], ids=["points", "displacements"])
+@pytest.mark.parametrize("linear", ["auto", sc.linalg.Direct()], ids=["points", "displacements"])
 def test_a_gap_that_supports_prescribe_is_what_it_is(linear):
     """Asked to close a point both sides of which are prescribed, a problem leaves its gap alone."""
     low, up = block("low", (0, 1), (-1, 0), (4, 4)), block("up", (0, 1), (0, 1), (4, 4))
@@ -160,14 +160,14 @@ def test_updates_are_checked():
     """What is no stiffness of this body is refused, and the solver stays as it was."""
     solver = scene()
     before = solver.solve().u
-    with pytest.raises(sc.InputError, match=r"K of body 'up' has shape \(3, 3\)"):
+    with pytest.raises(sc.errors.InputError, match=r"K of body 'up' has shape \(3, 3\)"):
         solver.update("up", K=np.eye(3))
-    with pytest.raises(sc.InputError, match="there is no body 'upp'; did you mean 'up'"):
+    with pytest.raises(sc.errors.InputError, match="there is no body 'upp'; did you mean 'up'"):
         solver.update("upp", K=np.eye(3))
     assert_allclose(solver.solve().u, before, rtol=0, atol=1e-15)
 
 
-@pytest.mark.parametrize("linear", ["auto", sc.Direct()], ids=["auto", "sparse"])
+@pytest.mark.parametrize("linear", ["auto", sc.linalg.Direct()], ids=["auto", "sparse"])
 def test_many_displacements_at_once_are_those_one_by_one(linear):
     """Recovering many results in one go gives each its own displacements, in order."""
     factors = np.linspace(0.1, 1.0, 40)
@@ -218,10 +218,10 @@ def test_rows_that_depend_on_each_other(make, mu, monkeypatch):
     that are there twice stay judged.
     """
     if make is chain:
-        with pytest.raises(sc.InputError, match="pair the same facets, the one from one side"):
+        with pytest.raises(sc.errors.InputError, match="pair the same facets, the one from one side"):
             make(mu=mu)
         internals.replace(monkeypatch, "conditions.check_passes", lambda *_: None)
-    dense, sparse = make(mu=mu), make(mu=mu, linear=sc.Direct())
+    dense, sparse = make(mu=mu), make(mu=mu, linear=sc.linalg.Direct())
     problems = [solver.linear_model.problem_on(None, None) for solver in (dense, sparse)]
     assert isinstance(problems[0], PointProblem) and problems[0].springs is not None
     a, b = dense.solve(), sparse.solve()
@@ -235,7 +235,7 @@ def test_rows_that_depend_on_each_other(make, mu, monkeypatch):
 
 def test_iterated_problems_hand_over_dependent_rows():
     """Rows that depend on each other are solved with all DOFs."""
-    solver, sparse = corner(mu=0.3, linear="iterated"), corner(mu=0.3, linear=sc.Direct())
+    solver, sparse = corner(mu=0.3, linear="iterated"), corner(mu=0.3, linear=sc.linalg.Direct())
     assert isinstance(solver.linear_model.problem_on(None, None), FullProblem)
     a, b = solver.solve(), sparse.solve()
     assert_allclose(a.u, b.u, rtol=0, atol=1e-12 * np.abs(b.u).max())
@@ -246,7 +246,7 @@ def test_frictionless_corners():
     """Without friction a corner node has one row per direction, and both walls their force."""
     held = corner(D=True)
     assert isinstance(held.linear_model.problem_on(None, None), PointProblem)
-    for solver in (corner(), corner(linear=sc.Direct())):
+    for solver in (corner(), corner(linear=sc.linalg.Direct())):
         result = solver.solve()
         assert_allclose(result["floor"].force, [0, 2e-3], rtol=0, atol=1e-14)
         assert_allclose(result["wall"].force, [1e-3, 0], rtol=0, atol=1e-14)
@@ -265,7 +265,7 @@ def test_the_route_follows_the_memory_of_dense_matrices():
     assert "at most 9.22 kB of dense matrices, max_dense_bytes allows 3 GB" in str(plain)
     assert "because dense matrices would take 9.22 kB: max_dense_bytes allows 3 kB" in str(many)
     assert "at most 9.22 kB of dense matrices, as chosen" in str(forced)
-    with pytest.raises(sc.UnknownKeyword, match=r"max_candidates.*write max_dense_bytes"):
+    with pytest.raises(sc.errors.UnknownKeyword, match=r"max_candidates.*write max_dense_bytes"):
         sc.Options(max_candidates=3)
     large = sc.ContactSolver(bodies, contacts, options=sc.Options(max_factor_bytes=3000))
     assert large.linear_model.route == "multigrid"

@@ -16,8 +16,8 @@ from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact import AffineConstraint, ConstraintError, InputError, condense, eliminate
-from skfem_contact.elimination import find_pivots
+from skfem_contact.elimination import AffineConstraint, condense, eliminate, find_pivots
+from skfem_contact.errors import ConstraintError, InputError
 
 # Systems below are well conditioned (< 1e3) and of order one: what elimination and the dense
 # oracle lose is round-off times that.
@@ -382,11 +382,11 @@ def test_contact_rows_of_closed_points_only():
     low = fem.Basis(fem.MeshQuad().refined(2).with_defaults(), e)
     top = fem.Basis(fem.MeshQuad().refined(2).translated((0.0, 1.25)).with_defaults(), e)
     a, b = (sc.Body(basis, linear_elasticity(), name=n) for basis, n in ((low, "low"), (top, "top")))
-    system, contact = sc.stack([a, b]), sc.Contact(b.surface("bottom"), a.surface("top"))
-    every = sc.contact_rows(system, contact)
+    system, contact = sc.bodies.stack([a, b]), sc.Contact(b.surface("bottom"), a.surface("top"))
+    every = sc.elimination.contact_rows(system, contact)
     closed = np.array([True, False, True, True, False])
     for mask in (closed, closed.astype(int)):
-        rows = sc.contact_rows(system, contact, mask)
+        rows = sc.elimination.contact_rows(system, contact, mask)
         assert_allclose(rows.C.toarray(), every.C.toarray()[closed], atol=0)
         assert_allclose(rows.b, -0.25, rtol=1e-12)
         assert list(rows.labels) == [

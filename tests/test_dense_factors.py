@@ -86,7 +86,9 @@ def strict(monkeypatch):
 
 
 @pytest.mark.pairwise
-@pytest.mark.parametrize("linear", ["auto", sc.Direct(), Dense()], ids=["auto", "direct", "dense"])
+@pytest.mark.parametrize(
+    "linear", ["auto", sc.linalg.Direct(), Dense()], ids=["auto", "direct", "dense"]
+)
 @pytest.mark.parametrize("law", [None, sc.Coulomb(0.3), sc.Coulomb(0.3, stiffness=1e2)], ids=str)
 @pytest.mark.parametrize("D", ["top", "all", "none"])
 @pytest.mark.parametrize("height", [-0.01, 0.5])

@@ -71,7 +71,7 @@ def test_derivatives_are_those_of_differences():
 
 
 @dataclass(frozen=True, eq=False)
-class Power(sc.FrictionLaw):
+class Power(sc.conditions.FrictionLaw):
     """A bound that grows less than the pressure, with its slope."""
 
     mu: float = 0.3
@@ -85,7 +85,7 @@ class Power(sc.FrictionLaw):
 
 
 @dataclass(frozen=True, eq=False)
-class Growing(sc.FrictionLaw):
+class Growing(sc.conditions.FrictionLaw):
     """A bound that grows with the slip, with its slope by the normal force."""
 
     mu: float = 0.3
@@ -124,7 +124,7 @@ def test_slips_turn_on_springs():
 
 def test_ellipses_have_derivatives():
     """Friction with two coefficients, which is not along the slip."""
-    law = lambda mu: sc.OrthotropicCoulomb((mu, 0.4 * mu), (1.0, 0.3, 0.0))  # noqa: E731
+    law = lambda mu: sc.conditions.OrthotropicCoulomb((mu, 0.4 * mu), (1.0, 0.3, 0.0))  # noqa: E731
     state = State(0, 3, law)
     assert any(np.any(r.status == 2) for r in state.history())
     assert worst(state, "displacement", 1e-4) < CLOSE
@@ -160,7 +160,7 @@ def test_points_that_are_left_out_count():
     )
     solver, steps = sc.ContactSolver(bodies, joint), [0.5, 1.0]
     along = np.random.default_rng(0).uniform(-1, 1, 50)
-    by = sc.Parameter("gap", along=along), sc.Parameter("load")
+    by = sc.answers.Parameter("gap", along=along), sc.answers.Parameter("load")
     found = solver.gradient(whole, steps, by=by)
     assert np.count_nonzero(found.results[-1].status) < 25
     wanted = [by_hand(found.results, p, whole(found.results)[1]) for p in by]
@@ -179,10 +179,10 @@ def test_fields_are_sums_of_numbers():
         of = "up" if size == n else "joint"
         along = draw.uniform(-1, 1, size)
         fields = [
-            sc.Parameter(kind, of, field=True),
-            sc.Parameter(kind, of, field=True, each_step=True),
+            sc.answers.Parameter(kind, of, field=True),
+            sc.answers.Parameter(kind, of, field=True, each_step=True),
         ]
-        found = solver.gradient(whole, steps, by=[*fields, sc.Parameter(kind, of, along=along)])
+        found = solver.gradient(whole, steps, by=[*fields, sc.answers.Parameter(kind, of, along=along)])
         field, each, wanted = found.parts
         assert each.shape == (len(steps), size)
         assert_allclose(each.sum(axis=0), field, rtol=1e-12, atol=1e-12 * np.abs(field).max())
@@ -208,9 +208,9 @@ def test_loads_and_tools_by_differences():
     solver, steps = history(0.0, 0.0)
     results = list(solver.history(steps))
     assert sorted(set(results[-1].status)) == [1, 2]
-    move = sc.Parameter("motion", of="floor", along=(1.0, 2.0))
+    move = sc.answers.Parameter("motion", of="floor", along=(1.0, 2.0))
     found = (
-        forward(results, sc.Parameter("load", of="block", along=load)),
+        forward(results, sc.answers.Parameter("load", of="block", along=load)),
         results[-1].sensitivity(move),
     )
     for k, own in enumerate(found):
@@ -241,7 +241,10 @@ def test_supports_that_reach_into_the_contact(dim):
     def steps(t):
         return [{"x": {"up": share * push + t * along}} for share in (0.6, 1.0)]
 
-    by = sc.Parameter("displacement", "up", along=along), sc.Parameter("displacement", "up", field=True)
+    by = (
+        sc.answers.Parameter("displacement", "up", along=along),
+        sc.answers.Parameter("displacement", "up", field=True),
+    )
     found = solver.gradient(whole, steps(0.0), by=by)
     values = found.results[-1]
     assert np.all(values.status[values.points[:, 0] == -0.6] == 2)
@@ -258,7 +261,9 @@ def test_a_scene_tells_what_its_number_does():
     results = state.history()
     for by in ("friction", "stiffness", "interference"):
         h = 1e-4 if by != "interference" else 1e-6
-        scene = sc.Parameter("scene", between=(state.solver(by, -h), state.solver(by, h), 2 * h))
+        scene = sc.answers.Parameter(
+            "scene", between=(state.solver(by, -h), state.solver(by, h), 2 * h)
+        )
         one, other = forward(results, scene), forward(results, state.parameter(by))
         for name in QUANTITIES:
             wanted = np.asarray(getattr(other, name))
@@ -293,7 +298,7 @@ def test_place_of_nodes(seed):
     """A scene whose nodes move, by two others that are not solved; forwards and backwards."""
     state, p, width = State(seed, 2), 0.3, 1e-4
     state.mu = 0.1
-    by = sc.Parameter(
+    by = sc.answers.Parameter(
         "scene", between=(moved(state, p - width / 2), moved(state, p + width / 2), width)
     )
     found = moved(state, p).gradient(whole, state.steps(), by=by)
@@ -330,7 +335,7 @@ def along_top(state, component):
     """The displacement of the top of the upper block along an axis."""
     basis, along = state.bases[1], np.zeros(state.bases[1].N)
     along[basis.get_dofs("top").all(f"u^{component + 1}")] = 1.0
-    return sc.Parameter("displacement", of="up", along=along)
+    return sc.answers.Parameter("displacement", of="up", along=along)
 
 
 def sides_differ(at, by):
@@ -400,7 +405,9 @@ def test_the_matrices_give_the_same_derivatives(seed, dim):
     f = np.random.default_rng(0).uniform(-1, 1, n)
     f[result.system.D] = 0.0
     along = {b.name: f[result.system.slice(b)] for b in result.system.bodies}
-    loads = [result.sensitivity(sc.Parameter("load", of=k, along=v)).u for k, v in along.items()]
+    loads = [
+        result.sensitivity(sc.answers.Parameter("load", of=k, along=v)).u for k, v in along.items()
+    ]
     u = tangent.T @ np.linalg.solve(tangent.K_r.toarray(), tangent.W.T @ f)
     assert_allclose(u, sum(loads), atol=1e-9 * np.abs(u).max())
     assert_allclose(tangent.solve(f), u, atol=1e-9 * np.abs(u).max())
@@ -442,7 +449,7 @@ def test_where_everything_sticks_friction_is_not_told():
     found = state.solver().jacobian(observe, state.steps(), by=["friction", "stiffness"])
     assert found.rank == 1 and not found.matrix[:, 0].any()
     assert "do not depend on Parameter('friction'). No point slips" in found.words
-    both = [sc.Parameter("interference"), sc.Parameter("gap")]
+    both = [sc.answers.Parameter("interference"), sc.answers.Parameter("gap")]
     assert "1 combinations" in state.solver().jacobian(observe, state.steps(), by=both).words
 
 
@@ -455,9 +462,9 @@ def test_the_sparse_route_has_the_same():
     floor = sc.Contact(lower.surface("left"), sc.RigidPlane((0, 0), (1, 0)), name="wall")
     step = [{"x": {"upper": {"top": (-0.02, -0.01)}}}]
     found = []
-    for linear in ("condensed", sc.Direct()):
+    for linear in ("condensed", sc.linalg.Direct()):
         solver = sc.ContactSolver([lower, upper], [joint, floor], linear=linear)
-        by = [sc.Parameter("friction"), sc.Parameter("interference", of="wall")]
+        by = [sc.answers.Parameter("friction"), sc.answers.Parameter("interference", of="wall")]
         weights = {"joint": {"force": (1.0, 0.0)}, "wall": {"pressure": np.ones(5)}}
         found.append(solver.gradient(lambda r: (0.0, [weights]), step, by=by).vector)  # noqa: B023
     assert np.all(np.abs(found[0]) > 0)
@@ -487,14 +494,14 @@ def test_a_body_that_friction_alone_holds():
 
 
 @dataclass(frozen=True, eq=False)
-class Bare(sc.FrictionLaw):
+class Bare(sc.conditions.FrictionLaw):
     def limit(self, normal_force, area, slip):
         return 0.3 * normal_force
 
 
 REFUSED = {
     "slides far": {"friction": sc.Coulomb(0.3), "sliding": "finite"},
-    "surfaces wear": {"friction": sc.Coulomb(0.3), "wear": sc.Archard(1e-3)},
+    "surfaces wear": {"friction": sc.Coulomb(0.3), "wear": sc.conditions.Archard(1e-3)},
     r"law Bare .* no slopes of its own": {"friction": Bare()},
 }
 
@@ -512,18 +519,18 @@ STEP = {"x": {"block": {"top": (0.002, -0.01)}}}
 def test_what_has_no_derivative_is_refused(words):
     """With the reason in words."""
     [result] = pressed(**REFUSED[words]).history([STEP])
-    with pytest.raises(sc.InputError, match=words):
+    with pytest.raises(sc.errors.InputError, match=words):
         result.linearized  # noqa: B018
 
 
 def test_bolts_and_internal_variables_are_refused():
     """What is handed on from step to step, and not differentiated."""
-    with pytest.raises(sc.InputError, match="stretch of bolts"):
+    with pytest.raises(sc.errors.InputError, match="stretch of bolts"):
         upright()[0].sensitivity("load")
     basis = rectangle(np.linspace(0, 2, 5), np.linspace(0, 1, 3))
     body = sc.NonlinearBody(basis, sc.J2(1.0, 0.3, 0.1), D="top", name="block")
     solver = sc.ContactSolver(body, sc.Contact(body.surface("bottom"), FLOOR, interference=1e-4))
-    with pytest.raises(sc.InputError, match="internal variables"):
+    with pytest.raises(sc.errors.InputError, match="internal variables"):
         solver.solve().sensitivity("interference")
 
 
@@ -533,11 +540,13 @@ def test_wrong_questions_are_refused():
     [result] = solver.history([STEP])
     cases = {
         "may be one of friction": lambda: result.sensitivity("colour"),
-        "no such contact; there are 'foot'": lambda: result.sensitivity(sc.Parameter("gap", of="feet")),
-        "needed there": lambda: sc.Parameter("scene"),
-        "it has no `along`": lambda: sc.Parameter("gap", along=1.0, field=True),
-        "give the direction": lambda: sc.Parameter("motion"),
-        "is many numbers": lambda: result.sensitivity(sc.Parameter("gap", field=True)),
+        "no such contact; there are 'foot'": lambda: result.sensitivity(
+            sc.answers.Parameter("gap", of="feet")
+        ),
+        "needed there": lambda: sc.answers.Parameter("scene"),
+        "it has no `along`": lambda: sc.answers.Parameter("gap", along=1.0, field=True),
+        "give the direction": lambda: sc.answers.Parameter("motion"),
+        "is many numbers": lambda: result.sensitivity(sc.answers.Parameter("gap", field=True)),
         "side = 2": lambda: result.sensitivity("gap", side=2),
         "after is by": lambda: result.sensitivity("gap", after=result.sensitivity("friction")),
         r"has shape \(3,\), not \(5,\)": lambda: result.sensitivity("gap").dot({"gap": np.ones(3)}),
@@ -547,14 +556,14 @@ def test_wrong_questions_are_refused():
         "by is empty": lambda: solver.gradient(lambda r: (1.0, [None]), [STEP], by=[]),
         "steps are empty": lambda: solver.gradient(lambda r: (1.0, []), [], by="gap"),
         "for gradient": lambda: solver.jacobian(
-            lambda r: ([1.0], [None]), [STEP], by=sc.Parameter("gap", field=True)
+            lambda r: ([1.0], [None]), [STEP], by=sc.answers.Parameter("gap", field=True)
         ),
     }
     for words, ask in cases.items():
-        with pytest.raises(sc.InputError, match=words):
+        with pytest.raises(sc.errors.InputError, match=words):
             ask()
     smooth = pressed().solve(x={"block": {"top": (0.0, -0.01)}})
-    with pytest.raises(sc.InputError, match="without friction nothing tangential"):
+    with pytest.raises(sc.errors.InputError, match="without friction nothing tangential"):
         smooth.sensitivity("gap").slip  # noqa: B018
 
 
@@ -601,7 +610,7 @@ def test_a_gradient_costs_less_than_a_history():
     solver = sc.ContactSolver([low, up], joint)
     turns = 0.004 * np.sin(np.linspace(0, 2 * np.pi, 51)[1:])
     steps = [{"x": {"up": {"top": (turn, -0.012)}}} for turn in turns]
-    by = sc.Parameter("interference", field=True, each_step=True)
+    by = sc.answers.Parameter("interference", field=True, each_step=True)
 
     def objective(results):
         return 0.0, [{"pressure": 2 * r.pressure, "slip": r.slip} for r in results]

@@ -10,9 +10,10 @@ from scipy.spatial.transform import Rotation
 from solid_meshes import KINDS, body, cube, onto_ball, onto_octant, shuffled
 
 import skfem_contact as sc
-from skfem_contact import Body, InputError
+from skfem_contact import Body
 from skfem_contact.bodies import KINDS as FACETS
 from skfem_contact.bodies import tangents
+from skfem_contact.errors import InputError
 
 every_kind = pytest.mark.parametrize("kind", KINDS)
 
@@ -369,4 +370,4 @@ def test_serendipity_bodies_and_measures():
     """20-node bricks are bodies; a measure proportional to x makes no solid axisymmetric."""
     one = body(cube("quad8"), "quad8", measure=lambda x: 2 * np.pi * x[0])
     assert not one.axisymmetric and one.rigid_modes.shape == (one.n, 6)
-    assert sc.stack([one]).n == one.n
+    assert sc.bodies.stack([one]).n == one.n

@@ -16,8 +16,8 @@ from numpy.testing import assert_allclose
 from skfem.models.elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact import InputError
 from skfem_contact.bodies import KINDS, SUPPORTED, FacetKind, kind_of
+from skfem_contact.errors import InputError
 
 TET = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3), (0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)]
 TRI = [(0, 1), (1, 2), (0, 2), (0, 1, 2)]

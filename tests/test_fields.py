@@ -128,7 +128,7 @@ def test_interpolation_by_shape_functions(element):
 def test_interpolation_says_what_it_needs():
     """Positions of the wrong shape are refused."""
     top = surface([0, 1.0])
-    with pytest.raises(sc.InputError, match=r"positions \(p, 2\)"):
+    with pytest.raises(sc.errors.InputError, match=r"positions \(p, 2\)"):
         interpolate(top, np.zeros(2), np.zeros((4, 3)))
 
 

@@ -223,7 +223,7 @@ def test_bodies_that_overlap_or_repeat_are_named():
 
 @pytest.mark.parametrize(
     "material",
-    [sc.NeoHooke(1.0, 2.0), sc.J2(1e3, 0.3, 1.0), sc.Elastic(1.0, 0.3)],
+    [sc.materials.NeoHooke(1.0, 2.0), sc.J2(1e3, 0.3, 1.0), sc.Elastic(1.0, 0.3)],
     ids=lambda m: type(m).__name__,
 )
 def test_bodies_with_materials_are_found_and_compared(material):
@@ -336,11 +336,11 @@ def test_pairs_are_chosen_by_name_pattern_body_and_function():
         pairs.drop("plate 3").names == pairs.names[:2] == pairs.keep("plate 0*", pairs.names[1]).names
     )
     assert len(pairs.drop(lambda pair: pair.contact.tied)) == 2
-    with pytest.raises(sc.InputError, match="did you mean"):
+    with pytest.raises(sc.errors.InputError, match="did you mean"):
         pairs.drop("plate 0 - plate2")
-    with pytest.raises(sc.InputError, match="did you mean"):
+    with pytest.raises(sc.errors.InputError, match="did you mean"):
         pairs["plate 0 - plate2"]
-    with pytest.raises(sc.InputError, match="give a name"):
+    with pytest.raises(sc.errors.InputError, match="give a name"):
         pairs.keep(3)
 
 
@@ -351,13 +351,13 @@ def test_pairs_are_drawn(d):
     from matplotlib import pyplot
 
     pairs = sc.find_contacts(stack(d, 1, 1, 1), within=0.01)
-    ax = sc.plot_pairs(pairs)
+    ax = sc.output.plot_pairs(pairs)
     assert [text.get_text() for text in ax.get_legend().get_texts()] == list(pairs.names)
     assert len(ax.collections) == 3 + 2 * 2
     ax.figure.canvas.draw()
     pyplot.close("all")
-    with pytest.raises(sc.InputError, match="no pairs to draw"):
-        sc.plot_pairs(pairs.drop("*"))
+    with pytest.raises(sc.errors.InputError, match="no pairs to draw"):
+        sc.output.plot_pairs(pairs.drop("*"))
 
 
 # ------------------------------------------------------------------------------- bad input
@@ -365,21 +365,21 @@ def test_pairs_are_drawn(d):
 
 def test_bad_input_is_answered():
     plates = stack(2, 1, 1)
-    with pytest.raises(sc.InputError, match="within = 0"):
+    with pytest.raises(sc.errors.InputError, match="within = 0"):
         sc.find_contacts(plates, within=0)
-    with pytest.raises(sc.InputError, match="Contact has no argument 'tolerance'"):
+    with pytest.raises(sc.errors.InputError, match="Contact has no argument 'tolerance'"):
         sc.find_contacts(plates, within=0.1, tolerance=0.1)
-    with pytest.raises(sc.InputError, match="body 2 have no name"):
+    with pytest.raises(sc.errors.InputError, match="body 2 have no name"):
         sc.find_contacts([plates[0], dataclasses.replace(plates[1], name=None)], within=1)
-    with pytest.raises(sc.InputError, match="several bodies are named 'plate 0'"):
+    with pytest.raises(sc.errors.InputError, match="several bodies are named 'plate 0'"):
         sc.find_contacts([plates[0], dataclasses.replace(plates[1], name="plate 0")], within=1)
-    with pytest.raises(sc.InputError, match="different dimension"):
+    with pytest.raises(sc.errors.InputError, match="different dimension"):
         sc.find_contacts([plates[0], box("solid", (0, 0, 0), (1, 1, 1), (1, 1, 1))], within=1)
     floor = sc.RigidBody(sc.RigidPlane((0, 0), (0, 1)), name="floor")
-    with pytest.raises(sc.InputError, match="no bodies to stack"):
+    with pytest.raises(sc.errors.InputError, match="no bodies to stack"):
         sc.find_contacts([floor], within=1)
     assert "'floor' is rigid" in sc.find_contacts([*plates, floor], within=1).not_taken[0]
-    with pytest.raises(sc.InputError, match="mu"):
+    with pytest.raises(sc.errors.InputError, match="mu"):
         sc.find_contacts(plates, within=0.1, mu=0.3)
 
 

@@ -15,8 +15,15 @@ from quick_elasticity import linear_elasticity
 from scipy.sparse import csr_matrix
 
 import skfem_contact as sc
-from skfem_contact import Coulomb, FrictionLaw, InputError, Tresca
-from skfem_contact.conditions import Derivatives, radial_return, tangential_matrix, unlawful
+from skfem_contact import Coulomb, Tresca
+from skfem_contact.conditions import (
+    Derivatives,
+    FrictionLaw,
+    radial_return,
+    tangential_matrix,
+    unlawful,
+)
+from skfem_contact.errors import InputError
 
 size = st.floats(0.0, 1e3)
 
@@ -164,7 +171,7 @@ def test_return_maps_that_are_none():
 
 
 @dataclass(frozen=True, eq=False)
-class Along(sc.FrictionLaw):
+class Along(sc.conditions.FrictionLaw):
     """A coefficient that goes from `mu` to `end` over a slip of `length`."""
 
     mu: float

@@ -47,8 +47,8 @@ UNKNOWN = {
     "Tresca limit": (lambda: sc.Tresca(limit=3.0), "write tau_max"),
     "Body displacement": (lambda: block(displacement=0), r"Known arguments: 'D', 'K', 'basis'"),
     "RigidPlane normla": (lambda: sc.RigidPlane((0, 0), normla=(0, 1)), "did you mean 'normal'"),
-    "LevelSet grad": (lambda: sc.LevelSet(abs, grad=abs), "did you mean 'gradient'"),
-    "AMG tolerance": (lambda: sc.AMG(tolerance=1e-8), "write tol"),
+    "LevelSet grad": (lambda: sc.obstacles.LevelSet(abs, grad=abs), "did you mean 'gradient'"),
+    "AMG tolerance": (lambda: sc.linalg.AMG(tolerance=1e-8), "write tol"),
     "history star": (lambda: solver_of(block(D="top")).history([1.0], star=1), "'start'"),
     "history tol": (
         lambda: joined().history([1.0], tol=1e-8),
@@ -64,7 +64,10 @@ UNKNOWN = {
     "with_friction mu": (lambda: joined().with_friction(mu=0.3), r"friction=Coulomb\(mu\)"),
     "update k": (lambda: joined().update("block", k=1), "Known arguments: 'K', 'body', 'f'"),
     "surface points": (lambda: block().surface("bottom", points=1), "Known arguments"),
-    "eliminate prefers": (lambda: sc.eliminate(None, None, prefers=1), "did you mean 'prefer'"),
+    "eliminate prefers": (
+        lambda: sc.elimination.eliminate(None, None, prefers=1),
+        "did you mean 'prefer'",
+    ),
     "write strss": (lambda: sc.write("x.vtu", None, strss=None), "'stress'"),
 }
 
@@ -74,7 +77,7 @@ def test_unknown_keywords_are_answered(case):
     """What was meant is named; an InputError of this library, and a TypeError as everywhere."""
     call, words = UNKNOWN[case]
     name, key = case.split()
-    for kind in (sc.InputError, TypeError):
+    for kind in (sc.errors.InputError, TypeError):
         with pytest.raises(kind, match=f"{name} has no argument '{key}'.*{words}"):
             call()
 
@@ -87,7 +90,7 @@ def test_signatures_are_seen_through(cls):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Mine(sc.FrictionLaw):
+class Mine(sc.conditions.FrictionLaw):
     """A law of a user's own, who says nothing of printing."""
 
     mu: float
@@ -130,7 +133,7 @@ CHANGES = {
     "RigidPlane": (FLOOR, {"point": (0.0, 1.0)}),
     "RigidCylinder": (sc.RigidCylinder((0, 1), 1.0, hollow=True), {"radius": 2.0}),
     "RigidSphere": (sc.RigidSphere((0, 1), 1.0, name="ball"), {"hollow": True}),
-    "LevelSet": (sc.LevelSet(abs), {"name": "bowl"}),
+    "LevelSet": (sc.obstacles.LevelSet(abs), {"name": "bowl"}),
     "Contact": (sc.Contact(SURFACE, FLOOR, friction=sc.Coulomb(0.3)), {"adjust": 0.1}),
     "Body": (block(D="top"), {"name": "other"}),
     "Options": (sc.Options(tolerance=1e-8), {"max_cuts": 3}),
@@ -194,15 +197,34 @@ def test_own_loads_are_those_of_the_solver_that_goes_on(tmp_path):
     assert_allclose(freed.u, 0.0, atol=1e-14)  # what it is without its clamp and without a load
 
 
+def vars_of(place):
+    """What stands in a module under its public names."""
+    return {name: getattr(place, name) for name in place.__all__}
+
+
 def test_only_what_is_listed_is_public():
     """dir shows the names of __all__ and the version, and nothing of how the package is built."""
-    shown = {name for name in dir(sc) if not name.startswith("__")}
-    assert shown == set(sc.__all__)
-    assert all(hasattr(sc, name) for name in sc.__all__) and len(sc.__all__) == len(shown)
+    packages = [value for value in map(vars_of(sc).get, sc.__all__) if inspect.ismodule(value)]
+    assert len(packages) > 10 and len(sc.__all__) - len(packages) < 30
+    for place in (sc, *packages):
+        shown = {name for name in dir(place) if not name.startswith("__")}
+        if place not in (sc.errors, sc.reference):  # modules that are what they show
+            assert shown == set(place.__all__)
+        assert all(hasattr(place, name) for name in place.__all__) and set(place.__all__) <= shown
+    with pytest.raises(AttributeError, match=r"no attribute 'AMG': it is in skfem_contact\.linalg"):
+        _ = sc.AMG
 
 
 def test_the_page_names_what_is_public():
     """The page on the interface lists every public name once, and no other."""
     page = (Path(__file__).parents[1] / "docs" / "interface.md").read_text()
     table = page.split("## What is public")[1].split("## ")[0]
-    assert sorted(re.findall(r"`sc\.(\w+)`", table)) == sorted(sc.__all__)
+    first = {name for name, value in vars_of(sc).items() if not inspect.ismodule(value)}
+    others = {
+        f"{package}.{name}"
+        for package, value in vars_of(sc).items()
+        if inspect.ismodule(value) and package not in ("reference", "materials")
+        for name in value.__all__
+    }
+    others |= {f"materials.{name}" for name in sc.materials.__all__ if name not in first}
+    assert sorted(re.findall(r"`sc\.([\w.]+)`", table)) == sorted(first | others)

@@ -217,7 +217,7 @@ def test_stress_is_written_where_asked_for(tmp_path: Path) -> None:
 
     data = meshio.read(sc.write(tmp_path / "bars.vtu", result, stress=mises)[0]).point_data
     assert_allclose(data["mises"], 0.01, rtol=1e-9)
-    with pytest.raises(sc.InputError, match="81 nodes"):
+    with pytest.raises(sc.errors.InputError, match="81 nodes"):
         sc.write(tmp_path / "bars.vtu", result, stress=lambda body, u: u)
 
 
@@ -246,9 +246,9 @@ def test_fields_are_written_by_their_names(tmp_path: Path) -> None:
 def test_unknown_extensions_are_refused(tmp_path: Path) -> None:
     """The message says what was given and what would do."""
     result = stacked().solve()
-    with pytest.raises(sc.InputError, match=r"'\.txt' is not one of \.vtu, \.vtk"):
+    with pytest.raises(sc.errors.InputError, match=r"'\.txt' is not one of \.vtu, \.vtk"):
         sc.write(tmp_path / "result.txt", result)
-    with pytest.raises(sc.InputError, match=r"write_series\('result\.pvd'"):
+    with pytest.raises(sc.errors.InputError, match=r"write_series\('result\.pvd'"):
         sc.write_series(tmp_path / "result.vtu", [result])
     assert not list(tmp_path.iterdir())
 
@@ -292,5 +292,5 @@ def test_interrupted_history_can_be_opened(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         sc.write_series(path, stacked().history(steps()))
     assert [time for time, _ in listed(path)] == [0.5, 0.5, 1.0, 1.0]
-    with pytest.raises(sc.InputError, match="times has 1 entries"):
+    with pytest.raises(sc.errors.InputError, match="times has 1 entries"):
         sc.write_series(path, stacked().history([0.5, 1.0]), times=[3.0])

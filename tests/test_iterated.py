@@ -13,8 +13,8 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 from solid_blocks import Blocks, two_blocks
 
 import skfem_contact as sc
-from skfem_contact import AMG, SingularMatrix
-from skfem_contact.linalg import MultifrontalCholesky, gmres
+from skfem_contact.errors import SingularMatrix
+from skfem_contact.linalg import AMG, MultifrontalCholesky, gmres
 from skfem_contact.linalg import SurfaceResponse as Substitution
 from skfem_contact.problem import (
     Condensed,

@@ -47,7 +47,9 @@ def test_the_row_of_a_joint_against_statics():
     assert foot.energy == values.dissipation_total
     assert np.isnan(glue.slip_margin) and np.isnan(glue.sticking)
     assert result.joints()["glue"].name == "glue" and len(result.joints()) == 2
-    with pytest.raises(sc.InputError, match="no 'head' among the joints; Known joints: 'foot', 'glue'"):
+    with pytest.raises(
+        sc.errors.InputError, match="no 'head' among the joints; Known joints: 'foot', 'glue'"
+    ):
         result.joints()["head"]
 
 
@@ -94,7 +96,7 @@ def test_tables_print(monkeypatch):
     assert list(frame)[:4] == ["joint", "force x", "force y", "moment"]
     assert frame["force y"][0] == pytest.approx(20.0)
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(sc.InputError, match="pandas is not installed"):
+    with pytest.raises(sc.errors.InputError, match="pandas is not installed"):
         table.to_frame()
 
 
@@ -110,16 +112,16 @@ def test_load_cases_begin_from_the_same_state():
     head, low, high = str(cases).splitlines()
     assert head.split()[:2] == ["case", "M"]
     assert low.split()[:2] == ["low", "11"] and high.split()[:2] == ["high", "12.48"]
-    with pytest.raises(sc.InputError, match=r"cases are .* give a dict"):
+    with pytest.raises(sc.errors.InputError, match=r"cases are .* give a dict"):
         solver.cases([5.0], start=tight)
-    with pytest.raises(sc.InputError, match=r"cases are \{\}"):
+    with pytest.raises(sc.errors.InputError, match=r"cases are \{\}"):
         solver.cases({}, start=tight)
 
 
 def test_all_joints_in_one_figure():
     """A picture for each contact, in the plane and in space."""
     for result in (stack().solve(), upright()[0]):
-        figure = sc.plot_joints(result)
+        figure = sc.output.plot_joints(result)
         shown = [ax for ax in figure.axes if ax.get_label() != "<colorbar>"]
         assert len(shown) == len(result)
         plt.close(figure)

@@ -17,10 +17,13 @@ from skfem.models.elasticity import lame_parameters
 from skfem.utils import solver_direct_scipy, solver_iter_pcg
 from threadpoolctl import threadpool_info
 
-from skfem_contact import AMG, ContactError, Direct, InputError, LinearSolveError, SingularMatrix
+from skfem_contact import ContactError
+from skfem_contact.errors import InputError, LinearSolveError, SingularMatrix
 from skfem_contact.linalg import (
+    AMG,
     Backend,
     Dense,
+    Direct,
     FromSolver,
     as_linear_solver,
     conjugate_gradients,

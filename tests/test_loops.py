@@ -18,13 +18,15 @@ from skfem.models.elasticity import lame_parameters
 from statuses import OPEN, SLIP, STICK
 
 import skfem_contact as sc
-from skfem_contact import Coulomb, Options, Record, SingularMatrix
+from skfem_contact import Coulomb, Options
 from skfem_contact.conditions import RigidMotions
+from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg import Anderson
 from skfem_contact.loops import (
     At,
     Guess,
     Projection,
+    Record,
     Stagnation,
     Step,
     direct,

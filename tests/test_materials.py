@@ -402,12 +402,12 @@ def test_materials_go_to_other_processes(material):
 )
 def test_parameters_that_are_refused(make, message):
     """What is wrong with the parameters of a material is said where it is made."""
-    with pytest.raises(sc.InputError, match=message):
+    with pytest.raises(sc.errors.InputError, match=message):
         make()
 
 
 def test_a_law_of_hardening_that_does_not_converge_is_refused():
     """A yield stress whose slope is wrong: no plastic strain is found, and it is said."""
     law = J2(E, NU, lambda p: (Y + 1e9 * np.sin(1e9 * p), 0 * p))
-    with pytest.raises(sc.MaterialError, match="no plastic strain"):
+    with pytest.raises(sc.errors.MaterialError, match="no plastic strain"):
         law(deviatoric(0.01), law.initial_state(1, 1))

@@ -16,9 +16,10 @@ from quick_elasticity import linear_elasticity
 from scipy.sparse import csr_matrix
 from skfem.models.elasticity import lame_parameters
 
-from skfem_contact import Body, InputError
+from skfem_contact import Body
 from skfem_contact.bodies import kind_of
 from skfem_contact.conditions import carriers
+from skfem_contact.errors import InputError
 from skfem_contact.pairing import DualBasis, dual_basis, dual_mortar
 
 ELEMENTS = {

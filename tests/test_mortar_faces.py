@@ -13,10 +13,11 @@ from quick_elasticity import linear_elasticity
 from scipy.spatial.transform import Rotation
 from solid_meshes import KINDS, as_eight_nodes, at, body, cube, onto_octant, shuffled
 
-from skfem_contact import Body, Contact, InputError
+from skfem_contact import Body, Contact
 from skfem_contact.bodies import KINDS as FACETS
 from skfem_contact.bodies import angle_between, kink_angles
 from skfem_contact.conditions import pair
+from skfem_contact.errors import InputError
 from skfem_contact.pairing import (
     clip,
     dual_basis,

@@ -19,7 +19,7 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import Delaunay
 from skfem.models.elasticity import lame_parameters
 
-from skfem_contact import InputError
+from skfem_contact.errors import InputError
 from skfem_contact.linalg import (
     MultifrontalCholesky,
     NotPositiveDefinite,

@@ -22,7 +22,7 @@ def rectangle(y: float, element: Any = None, x: float = 0.0) -> fem.Basis:
 
 
 @pytest.fixture(scope="module")
-def pressed() -> sc.ContactResult:
+def pressed() -> sc.answers.ContactResult:
     """A billet that yields under an elastic tool."""
     billet = sc.NonlinearBody(rectangle(0), sc.J2(1000.0, 0.3, 1.0), D="bottom", name="billet")
     tool = sc.Body(rectangle(1, x=0.1), sc.Elastic(2000.0, 0.3), D="top", name="tool")
@@ -30,14 +30,14 @@ def pressed() -> sc.ContactResult:
     return sc.ContactSolver([billet, tool], [contact]).solve(x={"tool": {"top": (0.0, -0.01)}})
 
 
-def test_an_elastic_body_as_by_its_displacements(pressed: sc.ContactResult) -> None:
+def test_an_elastic_body_as_by_its_displacements(pressed: sc.answers.ContactResult) -> None:
     """Projected stresses of points are the stresses of projected strains, as Hooke's law is linear."""
     tool = pressed.system.solids["tool"]
     expected = sc.nodal_stress(tool, pressed.displacement(tool), E=2000.0, nu=0.3)
-    found = sc.nodal_field(pressed, "tool", "stress")
+    found = sc.output.nodal_field(pressed, "tool", "stress")
     assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
     mises = sc.von_mises(tool, pressed.displacement(tool), E=2000.0, nu=0.3)
-    assert_allclose(sc.nodal_field(pressed, tool, "von_mises"), mises, atol=1e-12 * mises.max())
+    assert_allclose(sc.output.nodal_field(pressed, tool, "von_mises"), mises, atol=1e-12 * mises.max())
 
 
 @pytest.mark.parametrize("given", [{}, RADIUS])
@@ -46,11 +46,11 @@ def test_large_homogeneous_strain(given: dict[str, Any], element: Any) -> None:
     """Rubber that a smooth plate presses by a fifth: Cauchy's stress is the pressure, at every node."""
     basis = rectangle(0, element)
     D = np.union1d(basis.get_dofs("left").all("u^1"), basis.get_dofs("bottom").all("u^2"))
-    rubber = sc.NonlinearBody(basis, sc.NeoHooke.of(1.0, 0.3), D=D, name="rubber", **given)
+    rubber = sc.NonlinearBody(basis, sc.materials.NeoHooke.of(1.0, 0.3), D=D, name="rubber", **given)
     plate = sc.RigidPlane((0, 1), (0, -1), name="plate")
     contact = sc.Contact(rubber.surface("top"), plate, sliding="finite")
     result = sc.ContactSolver(rubber, contact).solve(motion={"plate": (0, -0.2)})
-    stress = sc.nodal_field(result, rubber, "stress")
+    stress = sc.output.nodal_field(result, rubber, "stress")
     side = 1 + result.displacement(rubber)[basis.get_dofs("right").all("u^1")].mean()
     area = np.pi * side**2 if given else side
     expected = np.zeros((3, 3))
@@ -60,13 +60,13 @@ def test_large_homogeneous_strain(given: dict[str, Any], element: Any) -> None:
     assert_allclose(stress - expected, 0.0, atol=1e-9)
 
 
-def test_what_a_material_remembers(pressed: sc.ContactResult, tmp_path: Path) -> None:
+def test_what_a_material_remembers(pressed: sc.answers.ContactResult, tmp_path: Path) -> None:
     """Internal variables by name, never below zero where they are not; NaN, and grey, elsewhere."""
     names = ["stress", "equivalent_plastic_strain", "plastic_strain"]
     path, _ = sc.write(tmp_path / "pressed.vtu", pressed, stress=names, units={"stress": "MPa"})
     meshio = pytest.importorskip("meshio")
     found = meshio.read(path).point_data
-    strain = sc.nodal_field(pressed, "billet", "equivalent_plastic_strain")
+    strain = sc.output.nodal_field(pressed, "billet", "equivalent_plastic_strain")
     points = pressed.state["billet"]["equivalent_plastic_strain"]
     assert strain.min() >= 0.0 and strain.max() > points.mean() > 0
     assert_allclose(found["equivalent_plastic_strain"][: len(strain)], strain)
@@ -84,21 +84,23 @@ def test_what_a_material_remembers(pressed: sc.ContactResult, tmp_path: Path) ->
     assert ax.figure.axes[-1].get_ylabel() == "plastic strain yy"
 
 
-def test_words(pressed: sc.ContactResult) -> None:
+def test_words(pressed: sc.answers.ContactResult) -> None:
     """Fields that are unknown, and bodies that keep no material."""
-    with pytest.raises(sc.InputError, match=r"did you mean 'equivalent_plastic_strain'\?"):
-        sc.nodal_field(pressed, "billet", "equivalent_plastic")
-    with pytest.raises(sc.InputError, match="'tool' has no field 'plastic_strain'"):
-        sc.nodal_field(pressed, "tool", "plastic_strain")
-    with pytest.raises(sc.InputError, match="has no field 'p'"):
+    with pytest.raises(sc.errors.InputError, match=r"did you mean 'equivalent_plastic_strain'\?"):
+        sc.output.nodal_field(pressed, "billet", "equivalent_plastic")
+    with pytest.raises(sc.errors.InputError, match="'tool' has no field 'plastic_strain'"):
+        sc.output.nodal_field(pressed, "tool", "plastic_strain")
+    with pytest.raises(sc.errors.InputError, match="has no field 'p'"):
         sc.plot_deformed(pressed, stress="p")
     tool = pressed.system.solids["tool"]
     plain = sc.Body(tool.basis, tool.K, D="bottom", name="plain")
     floor = sc.RigidPlane((0, 2), (0, -1))
     solver = sc.ContactSolver(plain, sc.Contact(plain.surface("top"), floor))
     assert plain.material is None
-    with pytest.raises(sc.InputError, match="'plain' has no field 'stress'; it keeps no material"):
-        sc.nodal_field(solver.solve(), "plain", "stress")
+    with pytest.raises(
+        sc.errors.InputError, match="'plain' has no field 'stress'; it keeps no material"
+    ):
+        sc.output.nodal_field(solver.solve(), "plain", "stress")
 
 
 def test_a_stiffness_that_was_replaced_has_no_material() -> None:
@@ -108,7 +110,7 @@ def test_a_stiffness_that_was_replaced_has_no_material() -> None:
     solver = sc.ContactSolver(body, sc.Contact(body.surface("top"), floor))
     step = {"motion": {"plate": (0, -0.01)}}
     assert solver.solve(**step).stress("body").shape == (3, 3, 16, 9)
-    with pytest.raises(sc.InputError, match="keeps no material"):
+    with pytest.raises(sc.errors.InputError, match="keeps no material"):
         solver.with_stiffness("body", 2.0 * body.K).solve(**step).stress("body")
 
 
@@ -119,5 +121,5 @@ def test_variables_of_other_shapes_are_refused() -> None:
     body = sc.NonlinearBody(rectangle(0), law, D="bottom", name="body")
     floor = sc.RigidPlane((0, 1), (0, -1))
     result = sc.ContactSolver(body, sc.Contact(body.surface("top"), floor)).solve()
-    with pytest.raises(sc.InputError, match=r"shape \(25, 5\)"):
+    with pytest.raises(sc.errors.InputError, match=r"shape \(25, 5\)"):
         sc.plot_deformed(result, stress="five")

@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 from solid_meshes import KINDS, at, body, cube, elastic, onto_ball, shuffled
 
 import skfem_contact as sc
-from skfem_contact import ContactSurface
-from skfem_contact.bodies import tangents
+from skfem_contact.bodies import ContactSurface, tangents
 from skfem_contact.pairing import (
     FacetTree,
     along_supports,

@@ -71,12 +71,14 @@ WAY = [(0.002, 0.0), (0.006, 0.0), (0.01, 0.001), (0.01, 0.004), (0.008, 0.004)]
 
 
 @pytest.fixture(scope="module")
-def results() -> list[sc.ContactResult]:
+def results() -> list[sc.answers.ContactResult]:
     solver, step = pressed()
     return list(solver.history([step(*way) for way in WAY]))
 
 
-def test_equations_hold_with_the_internal_forces_themselves(results: list[sc.ContactResult]) -> None:
+def test_equations_hold_with_the_internal_forces_themselves(
+    results: list[sc.answers.ContactResult],
+) -> None:
     """The certificate judges f_int(u), not the last linearised problem: it holds beyond yield."""
     for result in results:
         assert result.certificate.worst < 1e-9  # the tolerance of equilibrium, and a digit
@@ -84,7 +86,7 @@ def test_equations_hold_with_the_internal_forces_themselves(results: list[sc.Con
     assert list(results[-1].state) == ["billet"]
 
 
-def test_residuals_fall_quadratically(results: list[sc.ContactResult]) -> None:
+def test_residuals_fall_quadratically(results: list[sc.answers.ContactResult]) -> None:
     """The last three residuals of a step: each below the square of the one before, times a factor."""
     print(results[1].newton)
     a, b, c = (iteration.residual for iteration in results[1].newton[-3:])
@@ -94,7 +96,7 @@ def test_residuals_fall_quadratically(results: list[sc.ContactResult]) -> None:
     assert len(str(results[1].newton).splitlines()) == len(results[1].newton)
 
 
-def test_a_step_back_is_elastic(results: list[sc.ContactResult]) -> None:
+def test_a_step_back_is_elastic(results: list[sc.answers.ContactResult]) -> None:
     """What yielded is linearised a little way back, where it is elastic, not at its yield surface.
 
     There round-off chooses between two tangents, point by point: it took 3 to 11 linearisations.
@@ -138,16 +140,16 @@ def test_a_state_of_linear_bodies_is_no_start() -> None:
     linear = sc.Body(billet.basis, billet.K, D="bottom", name="billet")
     contact = sc.Contact(linear.surface("top"), tool.surface("bottom"), name="contact")
     start = sc.ContactSolver([linear, tool], [contact]).solve(**step(0.001, 0.0))
-    with pytest.raises(sc.InputError, match="no internal variables"):
+    with pytest.raises(sc.errors.InputError, match="no internal variables"):
         solver.solve(start=start)
 
 
-def test_cut_steps_change_nothing_committed(results: list[sc.ContactResult]) -> None:
+def test_cut_steps_change_nothing_committed(results: list[sc.answers.ContactResult]) -> None:
     """A step that fails leaves the material as it was: what follows is the same to the last bit."""
     solver, step = pressed(options=sc.Options(max_placements=3, max_cuts=0))
     before = results[0]
     known = {name: np.array(value) for name, value in before.state["billet"].items()}
-    with pytest.raises(sc.NotConverged, match="bear up to 0 of this step") as failed:
+    with pytest.raises(sc.errors.NotConverged, match="bear up to 0 of this step") as failed:
         solver.solve(**step(0.03, 0.02), start=before)
     assert not failed.value.result.converged
     assert failed.value.result.certificate.equilibrium > 1e-9  # and says so
@@ -168,7 +170,7 @@ def test_a_step_is_cut_where_it_takes_too_long() -> None:
 
 
 @pytest.mark.parametrize("angle", [np.pi / 2, np.pi / 6])
-def test_turned_and_in_other_units(results: list[sc.ContactResult], angle: float) -> None:
+def test_turned_and_in_other_units(results: list[sc.answers.ContactResult], angle: float) -> None:
     """Turned, in metres and pascals for millimetres and megapascals, and listed the other way round."""
     solver, step = pressed(angle, scale=1e-3, stress=1e6, flipped=True)
     *_, last, open_again = solver.history([step(*way) for way in WAY])
@@ -189,7 +191,7 @@ def test_confined_blocks(sliding: str, elements: tuple[int, int]) -> None:
     blocks = []
     for basis, modulus, nu, end in ((low, 1.0, 0.3, "bottom"), (high, 3.0, 0.2, "top")):
         D = np.union1d(basis.get_dofs(["left", "right"]).all("u^1"), basis.get_dofs(end).all())
-        blocks.append(sc.NonlinearBody(basis, sc.NeoHooke.of(modulus, nu), D=D, name=end))
+        blocks.append(sc.NonlinearBody(basis, sc.materials.NeoHooke.of(modulus, nu), D=D, name=end))
     contact = sc.Contact(blocks[1].surface("bottom"), blocks[0].surface("top"), sliding=sliding)
     result = sc.ContactSolver(blocks, [contact]).solve(x={"top": {"top": (0.0, -0.6)}})
     assert_allclose(result.pressure, 0.8547955137, rtol=1e-9)
@@ -273,7 +275,7 @@ def test_a_limit_load_is_named() -> None:
     foot = sc.Contact(block.surface("bottom"), floor)
     solver = sc.ContactSolver(block, foot, options=sc.Options(max_cuts=4))
     # in plane strain it yields at 2 / sqrt(3) = 1.1547; parts of a step are at least .3 / 16
-    with pytest.raises(sc.NotConverged, match=r"load factor of 1\.1[45]") as failed:
+    with pytest.raises(sc.errors.NotConverged, match=r"load factor of 1\.1[45]") as failed:
         list(solver.history([1.0, 1.3]))
     assert "limit point" in str(failed.value)
     assert len(failed.value.results) == 1
@@ -349,9 +351,9 @@ def test_solids_that_yield_under_friction() -> None:
 
 def test_a_callback_ends_the_loop() -> None:
     """A StopIteration ends the solve where it stands, as with linear bodies."""
-    seen: list[sc.Record] = []
+    seen: list[sc.loops.Record] = []
 
-    def impatient(record: sc.Record) -> None:
+    def impatient(record: sc.loops.Record) -> None:
         seen.append(record)
         if len(seen) == 2:
             raise StopIteration
@@ -369,7 +371,7 @@ def test_a_body_that_nothing_holds_is_named() -> None:
     load = {"top": (0.1, -1.0)}
     block = sc.NonlinearBody(basis, sc.J2(1000.0, 0.3, 2.0), f=load, name="block")
     floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
-    with pytest.raises(sc.NoEquilibrium, match="translation along x"):
+    with pytest.raises(sc.errors.NoEquilibrium, match="translation along x"):
         sc.ContactSolver(block, sc.Contact(block.surface("bottom"), floor)).solve()
 
 
@@ -379,9 +381,12 @@ def test_wear_is_refused() -> None:
     billet, tool = solver.system.bodies
     assert isinstance(billet, sc.Body) and isinstance(tool, sc.Body)
     contact = sc.Contact(
-        billet.surface("top"), tool.surface("bottom"), friction=sc.Coulomb(0.2), wear=sc.Archard(1e-6)
+        billet.surface("top"),
+        tool.surface("bottom"),
+        friction=sc.Coulomb(0.2),
+        wear=sc.conditions.Archard(1e-6),
     )
-    with pytest.raises(sc.InputError, match="wear"):
+    with pytest.raises(sc.errors.InputError, match="wear"):
         sc.ContactSolver([billet, tool], [contact]).solve()
 
 
@@ -392,7 +397,7 @@ def test_a_column_that_buckles() -> None:
     (pi b / L)^2 / 3: 3.7 % of this one, which is pressed by 7 %, and gives way to the side.
     """
     basis = rectangle(-0.5, 0.5, 0, 9.5, 2, 19)
-    rubber = sc.NeoHooke.of(1.0, 0.3)
+    rubber = sc.materials.NeoHooke.of(1.0, 0.3)
     push = basis.zeros()
     push[basis.get_dofs(lambda x: abs(x[1] - 4.75) < 0.3).all("u^1")] = 1e-5
     column = sc.NonlinearBody(basis, rubber, f=push, D="bottom", name="column")
@@ -418,7 +423,7 @@ def test_random_scenes(seed: int) -> None:
     laws = [
         sc.J2(E, NU, [[YIELD, 0.0], [YIELD * (1 + rng.uniform(0.1, 5)), 1.0]]),
         sc.J2(E, NU, YIELD, kinematic=rng.uniform(500, 5000)),
-        sc.NeoHooke.of(rng.uniform(500, 5000), rng.uniform(0.1, 0.45)),
+        sc.materials.NeoHooke.of(rng.uniform(500, 5000), rng.uniform(0.1, 0.45)),
     ]
     law, mu = laws[seed % 3], rng.uniform(0.05, 0.5)
     ways = np.cumsum(np.column_stack([rng.uniform(0, 3e-3, 6), rng.uniform(-2e-3, 2e-3, 6)]), axis=0)
@@ -445,7 +450,7 @@ def test_a_pair_that_is_turned_as_a_whole(angle: float) -> None:
     The tool yields when it is pressed; turned, all internal variables stay as they are.
     """
     low, high = rectangle(0, 1, 0, 1, 5, 5), rectangle(-0.25, 1.15, 1, 1.5, 8, 3)
-    rubber = sc.NonlinearBody(low, sc.NeoHooke.of(1.0, 0.3), D="bottom", name="rubber")
+    rubber = sc.NonlinearBody(low, sc.materials.NeoHooke.of(1.0, 0.3), D="bottom", name="rubber")
     metal = sc.J2(40.0, 0.3, 0.1, kinematic=4.0, finite_strain=True)
     tool = sc.NonlinearBody(high, metal, D="top", name="tool")
     contact = sc.Contact(rubber.surface("top"), tool.surface("bottom"), sliding="finite")

@@ -12,8 +12,8 @@ from numpy.testing import assert_allclose
 import skfem_contact as sc
 
 E, NU, YIELD, H = 210e3, 0.3, 300.0, 2100.0
-OTHERS = [pytest.param("iterated", id="iterated"), pytest.param(sc.Direct(), id="full")]
-OTHERS.append(pytest.param(sc.AMG(), id="multigrid"))
+OTHERS = [pytest.param("iterated", id="iterated"), pytest.param(sc.linalg.Direct(), id="full")]
+OTHERS.append(pytest.param(sc.linalg.AMG(), id="multigrid"))
 
 
 def plane(linear: Any) -> tuple[sc.ContactSolver, list[Any]]:
@@ -42,7 +42,7 @@ def solid(linear: Any) -> tuple[sc.ContactSolver, list[Any]]:
     head = bases[1].get_dofs(lambda x: x[2] > 1.5 - 1e-9)
     move = bases[1].zeros()
     move[head.all("u^3")], move[head.all("u^1")] = -0.1, 0.04
-    pad = sc.NonlinearBody(bases[0], sc.NeoHooke.of(20.0, 0.4), D=foot, name="pad")
+    pad = sc.NonlinearBody(bases[0], sc.materials.NeoHooke.of(20.0, 0.4), D=foot, name="pad")
     tool = sc.Body(bases[1], sc.Elastic(2000.0, 0.3), D=head, x=move, name="tool")
     sides = [body.surface(lambda x: np.abs(x[2] - 1) < 1e-9) for body in (pad, tool)]
     contact = sc.Contact(*sides, friction=sc.Coulomb(0.2))
@@ -86,7 +86,9 @@ def billet(friction: float, linear: Any) -> sc.ContactSolver:
     return sc.ContactSolver(body, contact, linear=linear)
 
 
-@pytest.mark.parametrize("linear", ["auto", "iterated", sc.Direct()], ids=["auto", "iterated", "full"])
+@pytest.mark.parametrize(
+    "linear", ["auto", "iterated", sc.linalg.Direct()], ids=["auto", "iterated", "full"]
+)
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_a_limit_load_costs_no_digits(friction: float, linear: Any) -> None:
     """Tangents are singular in plastic flow; contact and equilibrium hold to ten digits all the same.
@@ -111,7 +113,9 @@ def column(push: float) -> tuple[sc.ContactSolver, list[Any]]:
         bases.append(fem.Basis(mesh.with_defaults(), fem.ElementVector(fem.ElementQuad1()), intorder=2))
     f = bases[0].zeros()
     f[bases[0].get_dofs(lambda x: abs(x[1] - 4.75) < 0.3).all("u^1")] = push
-    rubber = sc.NonlinearBody(bases[0], sc.NeoHooke.of(1.0, 0.3), f=f, D="bottom", name="column")
+    rubber = sc.NonlinearBody(
+        bases[0], sc.materials.NeoHooke.of(1.0, 0.3), f=f, D="bottom", name="column"
+    )
     head = sc.Body(bases[1], sc.Elastic(1000.0, 0.3), D="top", name="head")
     glue = sc.Contact(rubber.surface("top"), head.surface("bottom"), tied=True)
     steps = [{"x": {"head": {"top": (0.0, -down)}}} for down in (0.2, 0.35, 0.45)]
@@ -137,7 +141,7 @@ def test_surfaces_that_turn_under_small_sliding_are_named() -> None:
     for x, y, nx, ny in (((0, 10), (0, 1), 20, 2), ((7, 8), (1, 2), 4, 4)):
         mesh = fem.MeshQuad.init_tensor(np.linspace(*x, nx + 1), np.linspace(*y, ny + 1))
         bases.append(fem.Basis(mesh.with_defaults(), fem.ElementVector(fem.ElementQuad1()), intorder=2))
-    beam = sc.NonlinearBody(bases[0], sc.NeoHooke.of(1000.0, 0.3), D="left", name="beam")
+    beam = sc.NonlinearBody(bases[0], sc.materials.NeoHooke.of(1000.0, 0.3), D="left", name="beam")
     tool = sc.Body(bases[1], sc.Elastic(1e5, 0.3), D="top", name="tool")
     tip = sc.Contact(tool.surface("bottom"), beam.surface("top"), name="tip")
     solver = sc.ContactSolver([beam, tool], [tip])

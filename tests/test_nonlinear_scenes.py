@@ -12,16 +12,18 @@ import skfem_contact as sc
 
 def scene(
     seed: int, angle: float = 0.0, scale: float = 1.0, stress: float = 1.0, flipped: bool = False
-) -> list[sc.ContactResult]:
+) -> list[sc.answers.ContactResult]:
     """A block of any material under a tool with friction: on a way at random, down, about and up."""
     rng = np.random.default_rng(seed)
     harder, kinematic, modulus, nu = (rng.uniform(*ends) for ends in LIMITS)
     laws = [
         lambda: sc.J2(E * stress, NU, [[YIELD * stress, 0.0], [YIELD * stress * (1 + harder), 1.0]]),
         lambda: sc.J2(E * stress, NU, YIELD * stress, kinematic=kinematic * stress),
-        lambda: sc.NeoHooke.of(modulus * stress, nu),
+        lambda: sc.materials.NeoHooke.of(modulus * stress, nu),
         lambda: sc.J2(E * stress, NU, YIELD * stress),
-        lambda: sc.MooneyRivlin(modulus * stress / 8, modulus * stress / 20, bulk=3 * modulus * stress),
+        lambda: sc.materials.MooneyRivlin(
+            modulus * stress / 8, modulus * stress / 20, bulk=3 * modulus * stress
+        ),
     ]
     mu = rng.uniform(0.05, 0.5)
     ways = np.column_stack([rng.uniform(0, 3e-3, 6), rng.uniform(-2e-3, 2e-3, 6)]).cumsum(axis=0)
@@ -73,7 +75,7 @@ def test_rubber_without_friction_has_a_potential() -> None:
 
     By central differences of fourth order, whose round-off is that of energies over their distance.
     """
-    law = sc.MooneyRivlin(100.0, 40.0, bulk=2000.0)
+    law = sc.materials.MooneyRivlin(100.0, 40.0, bulk=2000.0)
     solver, step = pressed(law=law, mu=0.0)
     h, begin = 1e-3, 0.05
     ways = [begin + k * h for k in range(-2, 3)]

@@ -88,19 +88,19 @@ def test_bodies_in_other_units_are_said(scale, said):
 
 def test_coefficients_a_thousand_times_apart_are_refused():
     """As `OrthotropicCoulomb` promises (SMOOTHEST)."""
-    sc.OrthotropicCoulomb((1.0, 1.5e-3), (1, 0, 0))
-    with pytest.raises(sc.InputError, match="more than 1000 times"):
-        sc.OrthotropicCoulomb((1.0, 0.7e-3), (1, 0, 0))
+    sc.conditions.OrthotropicCoulomb((1.0, 1.5e-3), (1, 0, 0))
+    with pytest.raises(sc.errors.InputError, match="more than 1000 times"):
+        sc.conditions.OrthotropicCoulomb((1.0, 0.7e-3), (1, 0, 0))
 
 
 @pytest.mark.parametrize(("turned", "refused"), [(0.7e-3, False), (1.5e-3, True)])
 def test_gradients_may_be_off_by_a_thousandth(turned, refused):
     """Of their direction: a table that is interpolated is, a wrong formula is off by more (OFF)."""
     gradient = lambda x: np.array([np.full_like(x[0], np.sin(turned)), np.full_like(x[0], 1.0)])  # noqa: E731
-    plane = sc.LevelSet(lambda x: x[1], gradient=gradient)
+    plane = sc.obstacles.LevelSet(lambda x: x[1], gradient=gradient)
     points = np.array([[0.0, 0.0], [1.0, 0.1]])
     if refused:
-        with pytest.raises(sc.InputError, match="is not that of its function"):
+        with pytest.raises(sc.errors.InputError, match="is not that of its function"):
             plane._check_gradient(points, 1.0)
     else:
         plane._check_gradient(points, 1.0)
@@ -112,7 +112,7 @@ def test_solvers_may_leave_a_ten_thousandth(left, refused):
     factors = as_linear_solver(lambda A, b: (1 - left) * spsolve(A.tocsc(), b))
     solve = factors.factorize(csr_matrix(np.diag([2.0, 3.0]))).solve
     if refused:
-        with pytest.raises(sc.LinearSolveError, match="as residual"):
+        with pytest.raises(sc.errors.LinearSolveError, match="as residual"):
             solve(np.array([1.0, 2.0]))
     else:
         solve(np.array([1.0, 2.0]))
@@ -153,8 +153,8 @@ def test_a_side_that_bends_has_no_kink(share, kinks):
 
 
 def test_the_list_is_that_of_the_library(monkeypatch):
-    """docs/numbers.md; else write it anew by `python benchmarks/named_numbers.py --write`."""
+    """docs/checks/numbers.md; else write it anew by `python benchmarks/named_numbers.py --write`."""
     root = Path(__file__).parents[1]
     monkeypatch.syspath_prepend(str(root / "benchmarks"))
     made = importlib.import_module("named_numbers").page()
-    assert made == (root / "docs" / "numbers.md").read_text(encoding="utf-8")
+    assert made == (root / "docs" / "checks" / "numbers.md").read_text(encoding="utf-8")

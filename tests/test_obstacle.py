@@ -7,7 +7,9 @@ import pytest
 import scipy.sparse as sp
 import skfem as fem
 
-from skfem_contact import Body, InputError, LevelSet, RigidCylinder, RigidPlane, RigidSphere
+from skfem_contact import Body, RigidCylinder, RigidPlane, RigidSphere
+from skfem_contact.errors import InputError
+from skfem_contact.obstacles import LevelSet
 from skfem_contact.pairing import diagnose
 
 

@@ -19,7 +19,7 @@ import skfem_contact as sc
 from skfem_contact.conditions import combinations, combined_rows, duals
 
 FLOOR = sc.RigidPlane((0, 0, 0), (0, 0, 1), name="floor")
-LAW = sc.OrthotropicCoulomb((0.1, 0.3), (1, 2, 0))
+LAW = sc.conditions.OrthotropicCoulomb((0.1, 0.3), (1, 2, 0))
 STEPS = ((0, 0, -0.01), (0.004, 0.002, -0.01))
 
 
@@ -45,37 +45,72 @@ def on_floor(block, law, **settings):
 @pytest.mark.parametrize(
     "make, words",
     [
-        (lambda: sc.OrthotropicCoulomb(0.3, (1, 0, 0)), r"mu has shape \(\); give the coefficients"),
-        (lambda: sc.OrthotropicCoulomb((0.1, 0.2, 0.3), (1, 0, 0)), r"mu has shape \(3,\)"),
-        (lambda: sc.OrthotropicCoulomb((0.1, 0.0), (1, 0, 0)), "has to be positive and finite"),
-        (lambda: sc.OrthotropicCoulomb((0.1, -0.1), (1, 0, 0)), "has to be positive and finite"),
-        (lambda: sc.OrthotropicCoulomb((0.1, np.nan), (1, 0, 0)), "has to be positive and finite"),
-        (lambda: sc.OrthotropicCoulomb((1e-4, 0.3), (1, 0, 0)), "more than 1000 times the other"),
-        (lambda: sc.OrthotropicCoulomb((0.1, 0.3), (1, 0)), r"direction has shape \(2,\)"),
-        (lambda: sc.OrthotropicCoulomb((0.1, 0.3), (0, 0, 0)), "not finite, or zero"),
-        (lambda: sc.OrthotropicCoulomb((0.1, 0.3), (1, np.inf, 0)), "not finite, or zero"),
-        (lambda: sc.OrthotropicCoulomb((0.1, 0.3), "x"), "direction is 'x'"),
-        (lambda: sc.OrthotropicCoulomb((0.1, 0.3), (1, 0, 0), tau_max=2.0), "has to be a pair of str"),
-        (lambda: sc.OrthotropicCoulomb((0.1, 0.3), (1, 0, 0), (1.0, 2.0)), r"as in \(1, 3\)"),
         (
-            lambda: sc.OrthotropicCoulomb((0.1, 0.3), (1, 0, 0), cohesion=(-1.0, -3.0)),
+            lambda: sc.conditions.OrthotropicCoulomb(0.3, (1, 0, 0)),
+            r"mu has shape \(\); give the coefficients",
+        ),
+        (lambda: sc.conditions.OrthotropicCoulomb((0.1, 0.2, 0.3), (1, 0, 0)), r"mu has shape \(3,\)"),
+        (
+            lambda: sc.conditions.OrthotropicCoulomb((0.1, 0.0), (1, 0, 0)),
+            "has to be positive and finite",
+        ),
+        (
+            lambda: sc.conditions.OrthotropicCoulomb((0.1, -0.1), (1, 0, 0)),
+            "has to be positive and finite",
+        ),
+        (
+            lambda: sc.conditions.OrthotropicCoulomb((0.1, np.nan), (1, 0, 0)),
+            "has to be positive and finite",
+        ),
+        (
+            lambda: sc.conditions.OrthotropicCoulomb((1e-4, 0.3), (1, 0, 0)),
+            "more than 1000 times the other",
+        ),
+        (lambda: sc.conditions.OrthotropicCoulomb((0.1, 0.3), (1, 0)), r"direction has shape \(2,\)"),
+        (lambda: sc.conditions.OrthotropicCoulomb((0.1, 0.3), (0, 0, 0)), "not finite, or zero"),
+        (lambda: sc.conditions.OrthotropicCoulomb((0.1, 0.3), (1, np.inf, 0)), "not finite, or zero"),
+        (lambda: sc.conditions.OrthotropicCoulomb((0.1, 0.3), "x"), "direction is 'x'"),
+        (
+            lambda: sc.conditions.OrthotropicCoulomb((0.1, 0.3), (1, 0, 0), tau_max=2.0),
+            "has to be a pair of str",
+        ),
+        (
+            lambda: sc.conditions.OrthotropicCoulomb((0.1, 0.3), (1, 0, 0), (1.0, 2.0)),
+            r"as in \(1, 3\)",
+        ),
+        (
+            lambda: sc.conditions.OrthotropicCoulomb((0.1, 0.3), (1, 0, 0), cohesion=(-1.0, -3.0)),
             "have to be >= 0",
         ),
-        (lambda: sc.OrthotropicCoulomb((0.1, 0.3), (1, 0, 0), stiffness=-1.0), "is not positive"),
-        (lambda: sc.OrthotropicCoulomb(mu1=0.1, mu2=0.3), r"write mu=\(mu1, mu2\)"),
-        (lambda: solver(sc.OrthotropicCoulomb((0.1, 0.3), (0.0, 1e-3, 1))), "is normal to the surface"),
-        (lambda: solver(sc.OrthotropicCoulomb(np.full((4, 2), 0.1), (1, 0, 0))), "has 9 points"),
-        (lambda: solver(sc.OrthotropicCoulomb((0.1, 0.3), np.ones((4, 3)))), "has 9 points"),
-        (lambda: solver(sc.OrthotropicCoulomb((0.1, 0.3), lambda x: x[:2])), r"shape \(2, 9\)"),
         (
-            lambda: solver(sc.OrthotropicCoulomb((0.1, 0.3), lambda x: (x - 0.5) * [[1], [1], [0]])),
+            lambda: sc.conditions.OrthotropicCoulomb((0.1, 0.3), (1, 0, 0), stiffness=-1.0),
+            "is not positive",
+        ),
+        (lambda: sc.conditions.OrthotropicCoulomb(mu1=0.1, mu2=0.3), r"write mu=\(mu1, mu2\)"),
+        (
+            lambda: solver(sc.conditions.OrthotropicCoulomb((0.1, 0.3), (0.0, 1e-3, 1))),
+            "is normal to the surface",
+        ),
+        (
+            lambda: solver(sc.conditions.OrthotropicCoulomb(np.full((4, 2), 0.1), (1, 0, 0))),
+            "has 9 points",
+        ),
+        (lambda: solver(sc.conditions.OrthotropicCoulomb((0.1, 0.3), np.ones((4, 3)))), "has 9 points"),
+        (
+            lambda: solver(sc.conditions.OrthotropicCoulomb((0.1, 0.3), lambda x: x[:2])),
+            r"shape \(2, 9\)",
+        ),
+        (
+            lambda: solver(
+                sc.conditions.OrthotropicCoulomb((0.1, 0.3), lambda x: (x - 0.5) * [[1], [1], [0]])
+            ),
             r"zero, at \(0.5, 0.5, 0\). Let the function return any direction",
         ),
     ],
 )
 def test_what_is_refused(make, words):
     """In words, before anything is solved."""
-    with pytest.raises(sc.InputError, match=words):
+    with pytest.raises(sc.errors.InputError, match=words):
         make()
 
 
@@ -84,17 +119,19 @@ def test_not_in_the_plane_nor_for_a_scalar_field():
     mesh = fem.MeshQuad().refined(1).with_defaults()
     basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
     plate = sc.Body(basis, csr_matrix(np.eye(basis.N)), name="plate")
-    with pytest.raises(sc.InputError, match="one only in the plane: give Coulomb"):
+    with pytest.raises(sc.errors.InputError, match="one only in the plane: give Coulomb"):
         sc.Contact(plate.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=LAW)
     hot = fem.Basis(cube("quad4", 1), fem.ElementHex1())
     body = sc.Body(hot, csr_matrix(np.eye(hot.N)), name="hot")
-    with pytest.raises(sc.InputError, match="none of a scalar field"):
+    with pytest.raises(sc.errors.InputError, match="none of a scalar field"):
         sc.Contact(body.surface(at(2, 0.0)), body.surface(at(2, 1.0)), friction=LAW)
 
 
 def test_the_law_by_itself():
     """It prints as it was written, and its bound is that along the rougher axis."""
-    law = sc.OrthotropicCoulomb((0.3, 0.1), (0, 1, 0), tau_max=(6.0, 2.0), cohesion=(0.3, 0.1))
+    law = sc.conditions.OrthotropicCoulomb(
+        (0.3, 0.1), (0, 1, 0), tau_max=(6.0, 2.0), cohesion=(0.3, 0.1)
+    )
     assert repr(LAW) == "OrthotropicCoulomb(mu=(0.1, 0.3), direction=(1, 2, 0))"
     force, one = np.array([1.0, 100.0]), np.ones(2)
     assert_allclose(law.limit(force, one, np.zeros((2, 2))), [0.6, 6.0], rtol=1e-15)
@@ -107,7 +144,7 @@ def test_the_direction_may_have_any_length():
     """Also one whose square is zero, or infinite."""
     known = solver().geometry.kin.axes
     for length in (1e-200, 2.0**-600, 1e200):
-        law = sc.OrthotropicCoulomb((0.1, 0.3), length * np.array([1.0, 2.0, 0.0]))
+        law = sc.conditions.OrthotropicCoulomb((0.1, 0.3), length * np.array([1.0, 2.0, 0.0]))
         assert_allclose(solver(law).geometry.kin.axes, known, rtol=0, atol=1e-15)
 
 
@@ -153,7 +190,9 @@ def test_with_friction_shares_the_bodies():
 @pytest.mark.parametrize("sliding", [pytest.param("small", marks=pytest.mark.slow), "finite"])
 def test_pickled_saved_and_gone_on_with(sliding, tmp_path):
     """A history in two parts, through a file and through pickle; functions are asked before."""
-    law = sc.OrthotropicCoulomb((0.1, 0.3), lambda x: np.array([1 + 0 * x[0], x[0], 0 * x[0]]))
+    law = sc.conditions.OrthotropicCoulomb(
+        (0.1, 0.3), lambda x: np.array([1 + 0 * x[0], x[0], 0 * x[0]])
+    )
     one = solver(law, sliding=sliding)
     first, second = one.history(moved(one))
     one.save_state(tmp_path / "state.npz", first)
@@ -169,8 +208,10 @@ def test_pickled_saved_and_gone_on_with(sliding, tmp_path):
 
 def test_the_law_may_be_pickled_without_its_function():
     """A lambda stays behind, and says so when it is missed."""
-    law = pickle.loads(pickle.dumps(sc.OrthotropicCoulomb((0.1, 0.3), lambda x: x)))
-    with pytest.raises(sc.InputError, match="direction of OrthotropicCoulomb is a function that was"):
+    law = pickle.loads(pickle.dumps(sc.conditions.OrthotropicCoulomb((0.1, 0.3), lambda x: x)))
+    with pytest.raises(
+        sc.errors.InputError, match="direction of OrthotropicCoulomb is a function that was"
+    ):
         solver(law)
 
 

@@ -59,7 +59,7 @@ def test_version_is_read_without_importing() -> None:
 
 
 CONVERTING = [
-    sc.Archard,
+    sc.conditions.Archard,
     sc.Coulomb,
     sc.RigidCylinder,
     sc.RigidPlane,
@@ -86,7 +86,7 @@ def test_constructors_take_the_fields(kind: type) -> None:
 
 def test_lists_are_kept_as_arrays() -> None:
     """What is read is what the types say, whatever went in; numbers stay numbers."""
-    for read in (sc.Coulomb([0.1, 0.2]).mu, sc.Tresca((1, 2)).tau_max, sc.Archard([1, 2]).k):
+    for read in (sc.Coulomb([0.1, 0.2]).mu, sc.Tresca((1, 2)).tau_max, sc.conditions.Archard([1, 2]).k):
         assert isinstance(read, np.ndarray) and read.dtype == float and not read.flags.writeable
     assert sc.Coulomb(0.3, cohesion=[0, 1]).cohesion.tolist() == [0.0, 1.0]
     assert isinstance(sc.Coulomb(0.3).mu, float)

@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 
-from skfem_contact import Body, InputError
+from skfem_contact import Body
 from skfem_contact.bodies import KINDS
+from skfem_contact.errors import InputError
 from skfem_contact.pairing import (
     Corners,
     corner_contacts,

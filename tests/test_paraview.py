@@ -31,7 +31,7 @@ UNITS = {"length": "mm", "stress": "MPa", "force": "N"}
 needs_vtk = "VTK is not installed: pip install vtk (the extra 'test' has it)"
 
 
-def pressed(kind: str = "quad") -> sc.ContactResult:
+def pressed(kind: str = "quad") -> sc.answers.ContactResult:
     """A unit square or cube of modulus 1, its floor moved up by one per cent."""
     mesh, element = KINDS[kind]
     mesh = mesh().refined(1)
@@ -106,11 +106,13 @@ def test_several_fields_by_name(tmp_path: Path) -> None:
     assert [data[name].shape for name in fields] == [(9, 6), (9,), (9, 3)]
     data = meshio.read(sc.write(tmp_path / "a.vtu", result, stress=[sigma, mises])[0]).point_data
     assert {"sigma", "von_mises"} <= set(data)
-    with pytest.raises(sc.InputError, match="two fields have the same name"):
+    with pytest.raises(sc.errors.InputError, match="two fields have the same name"):
         sc.write(tmp_path / "a.vtu", result, stress=[mises, mises])
-    with pytest.raises(sc.InputError, match=r"has no field 'von_mises'.* or a function \(body, u\)"):
+    with pytest.raises(
+        sc.errors.InputError, match=r"has no field 'von_mises'.* or a function \(body, u\)"
+    ):
         sc.write(tmp_path / "a.vtu", result, stress="von_mises")
-    with pytest.raises(sc.InputError, match=r"give the name of a field .*, or a function"):
+    with pytest.raises(sc.errors.InputError, match=r"give the name of a field .*, or a function"):
         sc.write(tmp_path / "a.vtu", result, stress=[3])  # type: ignore[list-item]
 
 

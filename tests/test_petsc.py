@@ -42,9 +42,9 @@ def test_asking_for_it_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setitem(sys.modules, "petsc4py", None)
     ranks.cache_clear()
     with pytest.raises(
-        sc.InputError, match=r"apt-get install python3-petsc4py python3-mpi4py.*PETSC_DIR"
+        sc.errors.InputError, match=r"apt-get install python3-petsc4py python3-mpi4py.*PETSC_DIR"
     ):
-        sc.PETSc()
+        sc.petsc.PETSc()
 
 
 @pytest.mark.parametrize(
@@ -61,8 +61,8 @@ def test_asking_for_it_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -
 )
 def test_settings_are_checked_before_anything_is_started(given: dict, words: str) -> None:
     """Mistakes are told in words, with or without PETSc."""
-    with pytest.raises(sc.InputError, match=words):
-        sc.PETSc(**given)
+    with pytest.raises(sc.errors.InputError, match=words):
+        sc.petsc.PETSc(**given)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4])

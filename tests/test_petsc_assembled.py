@@ -175,7 +175,7 @@ def test_what_is_no_sum_over_elements_is_refused(alone: Ranks, wrong: str) -> No
         )
 
     with pytest.raises(
-        sc.InputError, match=r"not the sum of those of each of them: off by .*boundaries"
+        sc.errors.InputError, match=r"not the sum of those of each of them: off by .*boundaries"
     ):
         _on_piece(alone, stiffness, next(_pieces(fem.Basis(mesh, element), 1)))
 
@@ -189,9 +189,9 @@ def test_the_reduced_matrix_is_that_of_the_whole_one(alone: Ranks, unlike: bool)
     B = csr_matrix(rng.standard_normal((3, n)) * (rng.random(n) < 0.1))
     stack = StackedStiffness((lower,), [K], True) + csr_matrix(B.T @ B)
     C, f = csr_matrix(rng.standard_normal((4, n)) * (rng.random(n) < 0.1)), rng.standard_normal(n)
-    trial = test = sc.eliminate(C, rng.standard_normal(4), lower.D, rng.standard_normal(n))
+    trial = test = sc.elimination.eliminate(C, rng.standard_normal(4), lower.D, rng.standard_normal(n))
     if unlike:
-        test = sc.eliminate(C[:, rng.permutation(n)], np.zeros(4), lower.D)
+        test = sc.elimination.eliminate(C[:, rng.permutation(n)], np.zeros(4), lower.D)
     K_r, f_r = stack.reduced(trial, f, test)
     expected, load = trial.reduce(A + B.T @ B, f, test=test)
     held = alone.held[stack.key]

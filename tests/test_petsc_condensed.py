@@ -22,7 +22,7 @@ SCRIPT = Path(petsc_condensed.__file__)
 
 
 @dataclass(frozen=True)
-class Condensing(sc.Direct):
+class Condensing(sc.linalg.Direct):
     """A backend that condenses bodies, as `PETSc("direct")` does."""
 
     condenses = True
@@ -50,7 +50,9 @@ def test_what_is_said_of_such_a_backend() -> None:
         options = sc.Options(max_dense_bytes=most)
         solver = sc.ContactSolver(bodies, contact, linear=Condensing(), options=options)
         said.append(str(solver).splitlines()[0])
-        with pytest.raises(sc.InputError, match="how large that will be it does not say in advance"):
+        with pytest.raises(
+            sc.errors.InputError, match="how large that will be it does not say in advance"
+        ):
             solver.sizes()
     assert "condensed: 240 DOFs -> 34 contact DOFs" in said[0]
     assert "factors by Condensing(method='auto'), at most 11.1 kB of dense matrices" in said[0]
@@ -63,9 +65,9 @@ def test_backends_that_factorise_no_bodies_say_so() -> None:
     """Asked for factors of a body they refuse in words."""
     (lower, _), _ = blocks(2, "mortar", "small", 10)
     with pytest.raises(
-        sc.InputError, match="AMG factorises no bodies: contact is on all of their DOFs"
+        sc.errors.InputError, match="AMG factorises no bodies: contact is on all of their DOFs"
     ):
-        sc.AMG().condensed(lower, lower.K, np.arange(lower.n), np.arange(3))
+        sc.linalg.AMG().condensed(lower, lower.K, np.arange(lower.n), np.arange(3))
 
 
 # -- by mpirun --------------------------------------------------------------------------------

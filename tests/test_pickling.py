@@ -66,7 +66,7 @@ def on_level_set():
     x = np.zeros(basis.N)
     x[basis.nodal_dofs] = [[0.002], [-0.001]]
     body = sc.Body(basis, linear_elasticity(1.0, 1.0), D="top", x=x, name="top")
-    bowl = sc.LevelSet(half_bowl, name="bowl")
+    bowl = sc.obstacles.LevelSet(half_bowl, name="bowl")
     contact = sc.Contact(
         body.surface("bottom"), bowl, friction=sc.Coulomb(0.2), sliding="finite", name="joint"
     )
@@ -80,7 +80,7 @@ SCENES = {
     "frictionless": lambda: two_blocks(friction=None),
     "tied": lambda: two_blocks(friction=None, tied=True),
     "node": lambda: two_blocks(method="node", friction=sc.Coulomb(0.3, tau_max=1.0)),
-    "sparse": lambda: two_blocks(linear=sc.Direct()),
+    "sparse": lambda: two_blocks(linear=sc.linalg.Direct()),
     "measure": lambda: two_blocks(measure=one),
     "functions": lambda: two_blocks(
         measure=lambda x: 1.0 + 0.0 * x[0],
@@ -140,20 +140,22 @@ def test_what_is_left_behind_says_so():
     """A measure that is a lambda is missed only where it is needed, and then in words."""
     solver = again(two_blocks(measure=lambda x: 1.0 + x[0]))
     assert solver.solve().converged  # areas are known
-    with pytest.raises(sc.InputError, match=r"measure of body 'top' is a function .* left behind"):
+    with pytest.raises(
+        sc.errors.InputError, match=r"measure of body 'top' is a function .* left behind"
+    ):
         solver.system.bodies[1].surface("left")
     sliding = again(two_blocks(measure=lambda x: 1.0 + x[0], sliding="finite"))
-    with pytest.raises(sc.InputError, match="left behind"):
+    with pytest.raises(sc.errors.InputError, match="left behind"):
         sliding.solve()
     user = again(two_blocks(linear=lambda A, b: fem.solve(A, b)))
-    with pytest.raises(sc.InputError, match="linear is a function that was left behind"):
+    with pytest.raises(sc.errors.InputError, match="linear is a function that was left behind"):
         user.solve()
 
 
 def test_failures_arrive_with_their_results():
     """What a worker raises comes back with the message, the last state and the results before it."""
     solver = two_blocks(floats=True)
-    with pytest.raises(sc.NoEquilibrium) as failure:
+    with pytest.raises(sc.errors.NoEquilibrium) as failure:
         list(solver.history([0.5, {"f": {"top": -1.0}}]))
     copied = again(failure.value)
     assert str(copied) == str(failure.value) and copied.bodies == failure.value.bodies

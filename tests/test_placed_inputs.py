@@ -76,7 +76,7 @@ TAKEN_OUTLINES = {
 def test_outlines_are_refused_everywhere(case, placed):
     """An outline that crosses or goes back on itself, or repeats a point, is refused in any place."""
     points, given, words = REFUSED_OUTLINES[case]
-    with pytest.raises(sc.InputError, match=words):
+    with pytest.raises(sc.errors.InputError, match=words):
         sc.RigidPolyline(placed.points(points), **given)
 
 
@@ -127,7 +127,7 @@ TAKEN_TRIANGLES = {
 def test_triangles_are_refused_everywhere(case, placed):
     """Flat, repeated, crowded and inverted triangles are refused in any place."""
     points, triangles, words = REFUSED_TRIANGLES[case]
-    with pytest.raises(sc.InputError, match=words):
+    with pytest.raises(sc.errors.InputError, match=words):
         sc.RigidSurface(placed.points(points), triangles)
 
 
@@ -212,7 +212,7 @@ def test_surfaces_are_refused_everywhere(mesh, side, words, placed):
     with np.errstate(all="ignore"):
         basis = fem.Basis(placed.mesh(mesh()), fem.ElementVector(element), intorder=2)
     part = sc.Body(basis, fem.BilinearForm(lambda u, v, w: 0.0 * u[0] * v[0]).assemble(basis), name="p")
-    with pytest.raises(sc.InputError, match=words):
+    with pytest.raises(sc.errors.InputError, match=words):
         part.surface(side)
 
 
@@ -269,7 +269,7 @@ def test_sides_that_can_not_meet_are_refused_everywhere(dim, settings, placed):
     table, punch = blocks(dim, 3, placed)
     for (up, low), words in LOOKS.items():
         contact = sc.Contact(punch.surface(up), table.surface(low), **settings)
-        with pytest.raises(sc.InputError, match=rf"None of the \d+ points .*{words}"):
+        with pytest.raises(sc.errors.InputError, match=rf"None of the \d+ points .*{words}"):
             sc.ContactSolver([table, punch], contact)
     contact = sc.Contact(punch.surface("bottom"), table.surface("top"), **settings)
     solver = sc.ContactSolver([table, punch], contact)
@@ -285,7 +285,7 @@ def test_lines_the_wrong_way_round_are_refused_everywhere(placed):
     ends = placed.points([(-1.0, 0.0), (2.0, 0.0)])
     sc.ContactSolver([table], sc.Contact(table.surface("top"), sc.RigidPolyline(ends)))
     wrong = sc.Contact(table.surface("top"), sc.RigidPolyline(ends[::-1]))
-    with pytest.raises(sc.InputError, match="None of the 5 points"):
+    with pytest.raises(sc.errors.InputError, match="None of the 5 points"):
         sc.ContactSolver([table], wrong)
 
 
@@ -298,5 +298,5 @@ def test_planes_the_wrong_way_round_are_refused_everywhere(dim, placed):
     point = placed.points([np.zeros(dim)])[0]
     sc.ContactSolver([punch], sc.Contact(punch.surface("bottom"), sc.RigidPlane(point, up)))
     wrong = sc.Contact(punch.surface("bottom"), sc.RigidPlane(point, -up))
-    with pytest.raises(sc.InputError, match="look away from it"):
+    with pytest.raises(sc.errors.InputError, match="look away from it"):
         sc.ContactSolver([punch], wrong)

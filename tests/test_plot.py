@@ -46,7 +46,7 @@ def pressed(
     return sc.ContactSolver([block], [sc.Contact(block.surface("bottom"), floor, **kwargs)])
 
 
-def ring() -> sc.ContactSurface:
+def ring() -> sc.bodies.ContactSurface:
     """The hole of an annulus of 24 elements around: a surface that ends where it starts."""
     mesh = fem.MeshQuad.init_tensor(np.linspace(0, 1, 25), np.linspace(1, 2, 4))
     angle, radius = 2 * np.pi * mesh.p[0], mesh.p[1]
@@ -184,7 +184,7 @@ def test_colours_are_the_stress_where_given() -> None:
     assert [c.get_cmap().name for c in ax.collections if hasattr(c, "_triangulation")] == ["gray"]
 
 
-def magnified(result: sc.ContactResult) -> float:
+def magnified(result: sc.answers.ContactResult) -> float:
     """How many times displacements are drawn, as the title says."""
     words = sc.plot_deformed(result).get_title().splitlines()[0]
     return 1.0 if words == "true positions" else float(words.split("magnified ")[1].split(" times")[0])
@@ -222,7 +222,7 @@ def test_history_shows_what_sticks_and_what_is_lost() -> None:
     ax = sc.plot_history(results)
     right = next(other for other in ax.figure.axes if other is not ax)
     assert_allclose(right.get_lines()[0].get_ydata(), [r.dissipation_total for r in results])
-    with pytest.raises(sc.InputError, match="no results"):
+    with pytest.raises(sc.errors.InputError, match="no results"):
         sc.plot_history([])
 
 
@@ -236,9 +236,9 @@ def test_history_of_one_contact_of_two() -> None:
     slipping = [ax.collections[1].get_paths()[0].vertices for ax in drawn]
     areas = [np.ptp(outline[:, 1]) for outline in slipping]
     assert_allclose(areas, [1.0, 0.0], rtol=0, atol=1e-12)
-    with pytest.raises(sc.InputError, match="there are 2 contacts"):
+    with pytest.raises(sc.errors.InputError, match="there are 2 contacts"):
         sc.plot_history([result])
-    with pytest.raises(sc.InputError, match=r"write plot_contact\(result, 'wall'\)"):
+    with pytest.raises(sc.errors.InputError, match=r"write plot_contact\(result, 'wall'\)"):
         sc.plot_contact(result["wall"])
 
 
@@ -271,7 +271,7 @@ def test_missing_matplotlib_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         return real(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(sc.InputError, match=r"pip install 'skfem-contact\[plot\]'"):
+    with pytest.raises(sc.errors.InputError, match=r"pip install 'skfem-contact\[plot\]'"):
         sc.plot_contact(result)
 
 
@@ -284,7 +284,7 @@ def obstacle_lines(ax: Any) -> np.ndarray:
     return np.concatenate([np.array(c.get_segments()) for c in drawn])
 
 
-def slid(x: float, y: float, mu: float | None = None) -> sc.ContactResult:
+def slid(x: float, y: float, mu: float | None = None) -> sc.answers.ContactResult:
     """The square moved as a whole by (x, y) over its floor at 0."""
     solver = pressed(levels=2, friction=sc.Coulomb(mu) if mu else None, sliding="finite")
     body = solver.system.bodies[0]
@@ -335,7 +335,7 @@ def test_bodies_that_are_far_from_each_other_are_in_true_size() -> None:
 def test_a_shared_translation_is_not_magnified() -> None:
     """The same block is squeezed by 0.001: 50 times as in place, though it has moved by 24."""
 
-    def drawn(result: sc.ContactResult) -> list[float]:
+    def drawn(result: sc.answers.ContactResult) -> list[float]:
         ax = sc.plot_deformed(result)
         (colours,) = (c for c in ax.collections if hasattr(c, "_triangulation"))
         x, y = colours._triangulation.x, colours._triangulation.y
@@ -364,7 +364,7 @@ def test_arrows_have_a_scale() -> None:
     assert [text.get_text() for text in ax.texts] == ["longest arrow: 0.01 MPa"]
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("x [mm]", "y [mm]")
     assert ax.figure.axes[1].get_ylabel() == "displacement [mm]"
-    with pytest.raises(sc.InputError, match="no kind 'strss'; did you mean 'stress'"):
+    with pytest.raises(sc.errors.InputError, match="no kind 'strss'; did you mean 'stress'"):
         sc.plot_deformed(pressed().solve(), units={"strss": "MPa"})
 
 
@@ -380,7 +380,7 @@ def test_a_window_is_what_is_shown() -> None:
         x = arrows.get_offsets()[:, 0]
         assert np.all((x >= window[0]) & (x <= window[1]))
     assert lengths[0] == pytest.approx(10 * lengths[1])
-    with pytest.raises(sc.InputError, match="left, right, bottom, top"):
+    with pytest.raises(sc.errors.InputError, match="left, right, bottom, top"):
         sc.plot_deformed(result, window=(1.0, 0.0, 0.0, 1.0))
 
 
@@ -389,7 +389,7 @@ def test_obstacles_can_be_left_out() -> None:
     result = next(pressed(levels=1, depth=0.0).history([{"motion": {"floor": (0.0, -5.0)}}]))
     ax = sc.plot_deformed(result, obstacles=False)
     assert not [c for c in ax.collections if c.get_gid()] and ax.get_ylim()[0] > -1
-    with pytest.raises(sc.InputError, match="obstacles is 'no'; it is a switch"):
+    with pytest.raises(sc.errors.InputError, match="obstacles is 'no'; it is a switch"):
         sc.plot_deformed(result, obstacles="no")  # type: ignore[arg-type]
 
 
@@ -404,9 +404,11 @@ def test_components_of_tensors_are_drawn() -> None:
     (colours,) = (c for c in ax.collections if hasattr(c, "_triangulation"))
     assert_allclose(colours.get_array(), -0.01, rtol=1e-9)
     assert ax.figure.axes[1].get_ylabel() == "sigma yy [Pa]"
-    with pytest.raises(sc.InputError, match="component=None of 'sigma': a picture shows one of 'xx'"):
+    with pytest.raises(
+        sc.errors.InputError, match="component=None of 'sigma': a picture shows one of 'xx'"
+    ):
         sc.plot_deformed(result, stress=sigma)
-    with pytest.raises(sc.InputError, match="one number per node"):
+    with pytest.raises(sc.errors.InputError, match="one number per node"):
         sc.plot_deformed(result, stress=lambda body, u: np.zeros(9), component="xx")
 
 
@@ -428,11 +430,11 @@ def test_history_over_time_and_of_any_quantity() -> None:
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("load", "F [N]")
     ax = sc.plot_history(results, quantity=lambda r: r.pressure.max())
     assert_allclose(ax.get_lines()[0].get_ydata(), [0.005, 0.01, 0.015])
-    with pytest.raises(sc.InputError, match=r"over has shape \(2,\), but there are 3 results"):
+    with pytest.raises(sc.errors.InputError, match=r"over has shape \(2,\), but there are 3 results"):
         sc.plot_history(results, over=[0.0, 1.0])
-    with pytest.raises(sc.InputError, match="no quantity 'presure'; did you mean 'pressure'"):
+    with pytest.raises(sc.errors.InputError, match="no quantity 'presure'; did you mean 'pressure'"):
         sc.plot_history(results, quantity="presure")
-    with pytest.raises(sc.InputError, match="one number per step"):
+    with pytest.raises(sc.errors.InputError, match="one number per step"):
         sc.plot_history(results, quantity="pressure")
 
 
@@ -440,23 +442,23 @@ def test_force_over_displacement() -> None:
     """Modulus and height are one: the force on the top is how far it is pressed, as is the floor's."""
     solver = pressed(friction=sc.Coulomb(0.3))
     results = list(solver.history([0.5, 1.0, 1.5]))
-    ax = sc.plot_force(results, "block", "top", units={"length": "mm", "force": "N"})
+    ax = sc.output.plot_force(results, "block", "top", units={"length": "mm", "force": "N"})
     x, y = ax.get_lines()[0].get_data()
     assert_allclose(x, [0.005, 0.01, 0.015])
     assert_allclose(y, x, rtol=1e-9)
     assert ax.get_xlabel() == "displacement of block/top along -y [mm]"
     assert ax.get_ylabel() == "force along -y [N]"
     lifted = list(pressed(depth=0.0).history([{"motion": {"floor": (0.0, 0.004 * k)}} for k in (1, 2)]))
-    x, y = sc.plot_force(lifted, "floor").get_lines()[0].get_data()
+    x, y = sc.output.plot_force(lifted, "floor").get_lines()[0].get_data()
     assert_allclose(y, x, rtol=1e-9)
     assert_allclose(x, [0.004, 0.008])
     # contact forces are no loads and no supports: none acts on the bottom from outside
-    x, y = sc.plot_force(results, "block", "bottom", component="y").get_lines()[0].get_data()
+    x, y = sc.output.plot_force(results, "block", "bottom", component="y").get_lines()[0].get_data()
     assert_allclose(y, 0.0, atol=1e-15)
-    with pytest.raises(sc.InputError, match="boundary='top'"):
-        sc.plot_force(results, "block")
-    with pytest.raises(sc.InputError, match="no body 'flor'; did you mean 'floor'"):
-        sc.plot_force(results, "flor")
+    with pytest.raises(sc.errors.InputError, match="boundary='top'"):
+        sc.output.plot_force(results, "block")
+    with pytest.raises(sc.errors.InputError, match="no body 'flor'; did you mean 'floor'"):
+        sc.output.plot_force(results, "flor")
 
 
 def test_gaps_that_are_not_magnified_are_said() -> None:

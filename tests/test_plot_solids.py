@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from solid_meshes import KINDS, at, cube, elastic
 
 import skfem_contact as sc
-from skfem_contact import InputError
+from skfem_contact.errors import InputError
 from skfem_contact.output import draw_contact
 
 matplotlib = pytest.importorskip("matplotlib")
@@ -29,7 +29,7 @@ def _close_figures() -> Iterator[None]:
     pyplot.close("all")
 
 
-def pressed(kind: str, radius: float | None = None) -> sc.ContactResult:
+def pressed(kind: str, radius: float | None = None) -> sc.answers.ContactResult:
     """A cube pressed by 0.01 on a plane, or a sphere on a cube."""
     held = ((at(2, 1.0), (0, 1, 2)),)
     block = elastic(

@@ -84,7 +84,7 @@ def test_plane_meshes_are_read(tmp_path, order):
     bent = nodes.copy()
     bent[0, 2] = 0.1
     meshio.Mesh(bent, [(kind, [np.arange(len(nodes))])]).write(tmp_path / "shell.vtk")
-    with pytest.raises(sc.InputError, match="made of shells"):
+    with pytest.raises(sc.errors.InputError, match="made of shells"):
         sc.read_bodies(tmp_path / "shell.vtk", STEEL)
 
 
@@ -139,7 +139,7 @@ def test_boundaries_by_position_and_settings_by_pattern(tmp_path):
     assert bodies["high"].surface("ends").area.sum() == pytest.approx(1.0)
     assert bodies["high"].surface("all").area.sum() == pytest.approx(6.0)
     assert repr(bodies) == "<bodies: low, high>"
-    with pytest.raises(sc.InputError, match=r"settings of 'x\*': no such body"):
+    with pytest.raises(sc.errors.InputError, match=r"settings of 'x\*': no such body"):
         sc.read_bodies(path, STEEL, settings={"x*": {}})
 
 
@@ -170,7 +170,7 @@ def test_what_can_not_be_read_is_answered(tmp_path, monkeypatch):
     path = tagged(tmp_path / "two.msh", points, cells, [1, 2], {"low": [1, 3], "high": [2, 3]})
 
     def refused(words, *given, **more):
-        with pytest.raises(sc.InputError, match=words):
+        with pytest.raises(sc.errors.InputError, match=words):
             sc.read_bodies(*given, **more)
 
     refused("is no file", tmp_path / "none.msh", STEEL)

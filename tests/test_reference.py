@@ -14,8 +14,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.linalg import expm
 
-from skfem_contact import InputError
 from skfem_contact import reference as ref
+from skfem_contact.errors import InputError
 
 E_STAR = 109890.10989
 LINE = ref.hertz_line(1000.0, 100.0, E_STAR)

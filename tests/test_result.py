@@ -18,7 +18,9 @@ import skfem_contact as sc
 from skfem_contact.answers import answer_of
 
 # what a result has of its contact, where there is one
-(OF_THE_CONTACT,) = (kind for kind in sc.ContactResult.__mro__ if kind.__name__ == "OfTheContact")
+(OF_THE_CONTACT,) = (
+    kind for kind in sc.answers.ContactResult.__mro__ if kind.__name__ == "OfTheContact"
+)
 
 
 def block(name, y, **data):
@@ -227,7 +229,7 @@ def test_results_are_gone_through_by_contact(result):
     assert [v.name for v in result] == ["base", "joint"] and len(result) == 2 and result
     assert "joint" in result and result.contacts[0] in result and result["joint"] in result
     assert "joints" not in result and 7 not in result
-    with pytest.raises(sc.InputError, match="did you mean 'joint'"):
+    with pytest.raises(sc.errors.InputError, match="did you mean 'joint'"):
         result["joints"]
 
 
@@ -250,9 +252,11 @@ def test_reactions_are_the_forces_of_the_supports():
     twice = residual[basis.nodal_dofs[:, corner].ravel()]
     parts = result.reaction("low", "bottom") + result.reaction("low", "right")
     assert_allclose(parts - held, twice, rtol=0, atol=1e-15)
-    with pytest.raises(sc.InputError, match=r"reaction of body 'low': .* did you mean 'bottom'"):
+    with pytest.raises(sc.errors.InputError, match=r"reaction of body 'low': .* did you mean 'bottom'"):
         result.reaction("low", "botom")
-    with pytest.raises(sc.InputError, match="'up' has no prescribed DOFs on its boundary 'bottom'"):
+    with pytest.raises(
+        sc.errors.InputError, match="'up' has no prescribed DOFs on its boundary 'bottom'"
+    ):
         result.reaction("up", "bottom")
 
 

@@ -31,7 +31,7 @@ def scene(friction: Any, **settings: Any) -> sc.ContactSolver:
 
 
 @pytest.mark.parametrize("law", [sc.Coulomb(0.1), sc.Coulomb(0.8), sc.Tresca(0.001)])
-def test_another_law_gives_what_a_new_solver_gives(law: sc.FrictionLaw) -> None:
+def test_another_law_gives_what_a_new_solver_gives(law: sc.conditions.FrictionLaw) -> None:
     """A shared condensation changes nothing, and the first solver keeps its own law."""
     first = scene(sc.Coulomb(0.4))
     before = first.solve().traction
@@ -120,13 +120,15 @@ def test_contacts_are_found_by_those_that_were_given() -> None:
     floor = sc.RigidPlane((0, 0), (0, 1))
     for other in (sc.Contact(given.secondary, floor), floor, None):
         assert other not in result
-        with pytest.raises(sc.InputError, match="not one of"):
+        with pytest.raises(sc.errors.InputError, match="not one of"):
             first.with_friction(sc.Coulomb(0.1), other if other else floor)
 
 
 def test_unknown_contact_is_named() -> None:
     """The message lists the contacts there are."""
-    with pytest.raises(sc.InputError, match=r"'sides' is not one of this solver: it has 'faces'"):
+    with pytest.raises(
+        sc.errors.InputError, match=r"'sides' is not one of this solver: it has 'faces'"
+    ):
         scene(sc.Coulomb(0.4)).with_friction(sc.Coulomb(0.1), "sides")
 
 

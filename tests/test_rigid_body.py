@@ -71,18 +71,18 @@ def test_what_a_rigid_body_is_made_of():
 )
 def test_what_is_refused(given, words):
     """Every argument that can not be meant is refused with its name."""
-    with pytest.raises((sc.InputError, TypeError), match=words):
+    with pytest.raises((sc.errors.InputError, TypeError), match=words):
         sc.RigidBody(PLANE, **given)
 
 
 def test_shapes_that_are_refused():
     """Bodies are no shapes; a level set has no point of its own to turn about."""
-    with pytest.raises(sc.InputError, match=r"obstacle of a RigidBody is .* give its shape"):
+    with pytest.raises(sc.errors.InputError, match=r"obstacle of a RigidBody is .* give its shape"):
         sc.RigidBody(block())
-    with pytest.raises(sc.InputError, match="give its shape"):
+    with pytest.raises(sc.errors.InputError, match="give its shape"):
         sc.RigidBody(sc.RigidBody(PLANE))
-    wavy = sc.LevelSet(lambda x: x[1], name="wavy")
-    with pytest.raises(sc.InputError, match="'wavy' has no centre of its own, give about"):
+    wavy = sc.obstacles.LevelSet(lambda x: x[1], name="wavy")
+    with pytest.raises(sc.errors.InputError, match="'wavy' has no centre of its own, give about"):
         sc.RigidBody(wavy)
     assert sc.RigidBody(wavy, about=(0, 1)).dim == 2
 
@@ -90,21 +90,21 @@ def test_shapes_that_are_refused():
 def test_two_rigid_sides_do_not_touch():
     """Rigid against rigid is refused in words, and so is a rigid secondary side."""
     die = sc.RigidBody(PLANE, name="die")
-    with pytest.raises(sc.InputError, match="Two rigid sides do not touch"):
+    with pytest.raises(sc.errors.InputError, match="Two rigid sides do not touch"):
         sc.Contact(die, die)
-    with pytest.raises(sc.InputError, match="can only be the primary, swap the two"):
+    with pytest.raises(sc.errors.InputError, match="can only be the primary, swap the two"):
         sc.Contact(die, block().surface("top"))
-    with pytest.raises(sc.InputError, match="give at least one Body, that has a mesh"):
-        sc.stack([die])
+    with pytest.raises(sc.errors.InputError, match="give at least one Body, that has a mesh"):
+        sc.bodies.stack([die])
 
 
 def test_a_rigid_body_has_to_be_one_of_the_solver():
     """In the contact and not among the bodies, or another one of the same shape."""
     body, die = block(), sc.RigidBody(PLANE, name="die")
     contact = sc.Contact(body.surface("top"), die)
-    with pytest.raises(sc.InputError, match=r"die.* is not one of the stacked bodies \(block\)"):
+    with pytest.raises(sc.errors.InputError, match=r"die.* is not one of the stacked bodies \(block\)"):
         sc.ContactSolver([body], [contact])
-    with pytest.raises(sc.InputError, match="a contact to the very rigid body"):
+    with pytest.raises(sc.errors.InputError, match="a contact to the very rigid body"):
         sc.ContactSolver([body, sc.RigidBody(PLANE, name="die")], [contact])
 
 
@@ -116,8 +116,8 @@ def test_scalar_fields_touch_no_tools():
         basis, fem.BilinearForm(lambda u, v, w: u.grad[0] * v.grad[0] + u.grad[1] * v.grad[1])
     )
     die = sc.RigidBody(PLANE)
-    with pytest.raises(sc.InputError, match="bodies with a scalar field do not"):
-        sc.stack([plate, die])
+    with pytest.raises(sc.errors.InputError, match="bodies with a scalar field do not"):
+        sc.bodies.stack([plate, die])
 
 
 def test_steps_name_loads_and_motions():
@@ -169,21 +169,21 @@ def test_steps_that_are_refused():
         ({"f": {"die": {"top": (0, 1)}}}, "'top' is none; Known DOFs"),
         ({"f": {"die": (0, 1)}}, "3 DOFs belong to it"),
     ):
-        with pytest.raises(sc.InputError, match=words):
+        with pytest.raises(sc.errors.InputError, match=words):
             next(solver.history([step]))
     free = pressed(D=None)
-    with pytest.raises(sc.InputError, match="has no prescribed DOFs"):
+    with pytest.raises(sc.errors.InputError, match="has no prescribed DOFs"):
         next(free.history([{"x": {"die": (0, 1, 0)}}]))
 
 
-@pytest.mark.parametrize("linear", ["auto", sc.Direct()])
+@pytest.mark.parametrize("linear", ["auto", sc.linalg.Direct()])
 def test_springs_may_be_changed(linear):
     """`with_stiffness` takes springs as RigidBody does."""
     solver = pressed(linear=linear)
     stiff = solver.with_stiffness("die", (0, 1.0, 0)).solve()
     v = stiff.motion("die")[0][1]
     assert_allclose(stiff.force, [0, -0.01 - v], atol=1e-15)
-    with pytest.raises(sc.InputError, match="give 3 numbers"):
+    with pytest.raises(sc.errors.InputError, match="give 3 numbers"):
         solver.with_stiffness("die", (1.0, 2.0))
 
 
@@ -194,9 +194,9 @@ def test_reports_and_pictures_know_rigid_bodies(tmp_path):
     assert "free without contact and friction: die: translation along y" in str(solver)
     result = solver.solve()
     assert "block/top on die" in result.report() and result.certificate.worst < 1e-14
-    with pytest.raises(sc.InputError, match=r"is no rigid body; result\.displacement"):
+    with pytest.raises(sc.errors.InputError, match=r"is no rigid body; result\.displacement"):
         result.motion("block")
-    with pytest.raises(sc.InputError, match="rigid body 'die' has no boundary 'top'"):
+    with pytest.raises(sc.errors.InputError, match="rigid body 'die' has no boundary 'top'"):
         result.reaction("die", "top")
     bodies, _ = sc.write(tmp_path / "die.vtu", result)
     assert bodies.exists()
@@ -214,9 +214,9 @@ def test_the_escape_hatch_has_rows_of_rigid_bodies():
     body = block()
     die = sc.RigidBody(PLANE, force=(0.0, 0.03), moment=0.002, about=(0.5, 1.0), name="die")
     tie = sc.Contact(body.surface("top"), die, tied=True)
-    system = sc.stack([body, die])
-    rows = sc.contact_rows(system, tie)
-    u = fem.solve(*sc.condense(system.K, system.f, rows=rows, D=system.D, x=system.x))
+    system = sc.bodies.stack([body, die])
+    rows = sc.elimination.contact_rows(system, tie)
+    u = fem.solve(*sc.elimination.condense(system.K, system.f, rows=rows, D=system.D, x=system.x))
     known = sc.ContactSolver([body, die], [tie]).solve()
     assert_allclose(u / system.units, known.u, atol=1e-13)
     assert system.scale("die").tolist() == [1, 1, system.extent] and system.scale("block") == 1.0

@@ -68,7 +68,7 @@ OBSTACLES = [
     sc.RigidPlane((0.2, 0.1, 1.1), (0.1, -0.2, -1.0)),
     sc.RigidCylinder((0.2, 0.0, 2.2), 1.15, axis=(1.0, 0.3, 0.1)),
     sc.RigidSphere((0.4, 0.6, 2.0), 1.02),
-    sc.LevelSet(lambda x: (x[0] - 0.2) ** 2 + 2 * x[1] ** 2 + 3 * (x[2] - 2.2) ** 2 - 4.0),
+    sc.obstacles.LevelSet(lambda x: (x[0] - 0.2) ** 2 + 2 * x[1] ** 2 + 3 * (x[2] - 2.2) ** 2 - 4.0),
 ]
 
 
@@ -123,9 +123,9 @@ def test_a_lid_that_tilts_presses_where_it_comes_down():
 def test_steps_and_files_know_rotation_vectors(tmp_path):
     """A number is no turn in space, unless zero; a saved state has the vector."""
     solver = on_plane()
-    with pytest.raises(sc.InputError, match="rotation vector"):
+    with pytest.raises(sc.errors.InputError, match="rotation vector"):
         next(solver.history([{"motion": {"lid": ((0, 0, 0), 0.1, (0, 0, 0))}}]))
-    with pytest.raises(sc.InputError, match="angle in radians"):
+    with pytest.raises(sc.errors.InputError, match="angle in radians"):
         sc.RigidPlane((0, 0), (0, 1)).moved(((0, 0), (0, 0, 0.1), (0, 0)))
     first = next(solver.history([{"motion": {"lid": ((0, 0, -0.01), 0.0, (0, 0, 0))}}]))
     assert_allclose(first.force, next(solver.history([{"motion": {"lid": (0, 0, -0.01)}}])).force)

@@ -17,7 +17,7 @@ import skfem_contact as sc
 HINT = "PyVista is not installed: pip install pyvista (the extras 'scene' and 'test' have it)"
 
 
-def pressed(kind: str = "quad4", friction: Any = None) -> sc.ContactResult:
+def pressed(kind: str = "quad4", friction: Any = None) -> sc.answers.ContactResult:
     """A cube whose floor has been moved up by 0.01, and to the side by friction."""
     block = elastic(cube(kind, 2), kind, "block", held=((at(2, 1.0), (0, 1, 2)),), nu=0.0)
     floor = sc.RigidPlane((0, 0, 0), (0, 0, 1), name="floor")
@@ -31,7 +31,7 @@ def drawn(plotter: Any) -> list[Any]:
     return [mesh for mesh in found if mesh is not None]
 
 
-def pressed_ball() -> sc.ContactResult:
+def pressed_ball() -> sc.answers.ContactResult:
     """A ball of tetrahedra whose top has been pressed down by 0.05, on a plane below it."""
     mesh = fem.MeshTet.init_ball(2).with_boundaries({"low": lambda x: x[2] < -0.6})
     basis = fem.Basis(mesh, fem.ElementVector(fem.ElementTetP1()), intorder=2)
@@ -47,7 +47,7 @@ def pressed_ball() -> sc.ContactResult:
 def test_bodies_are_where_they_are(kind: str) -> None:
     """The skin of the cube, a hundredth shorter, and the floor below it; arrows beneath the floor."""
     pytest.importorskip("pyvista", reason=HINT)
-    plotter = sc.scene(pressed(kind), scale=1.0, off_screen=True)
+    plotter = sc.output.scene(pressed(kind), scale=1.0, off_screen=True)
     skin, _, floor, arrows = drawn(plotter)
     assert_allclose(skin.bounds, [0, 1, 0, 1, 0.01, 1], atol=1e-7)  # in single precision
     assert skin.triangulate().area == pytest.approx(2 + 4 * 0.99, rel=1e-5)
@@ -59,7 +59,7 @@ def test_bodies_are_where_they_are(kind: str) -> None:
 def test_a_scene_is_a_picture() -> None:
     """Off-screen, on a white ground: the cube covers a good part of it, in its colours."""
     pytest.importorskip("pyvista", reason=HINT)
-    plotter = sc.scene(pressed(), units={"length": "mm", "stress": "MPa"}, off_screen=True)
+    plotter = sc.output.scene(pressed(), units={"length": "mm", "stress": "MPa"}, off_screen=True)
     plotter.window_size = 200, 200
     image = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
@@ -70,7 +70,7 @@ def test_a_scene_is_a_picture() -> None:
 def test_a_body_without_edges_is_drawn() -> None:
     """No face of a ball meets another at 30 degrees: it is drawn without lines, and nothing else."""
     pytest.importorskip("pyvista", reason=HINT)
-    plotter = sc.scene(pressed_ball(), scale=1.0, off_screen=True)
+    plotter = sc.output.scene(pressed_ball(), scale=1.0, off_screen=True)
     skin, floor, arrows = drawn(plotter)
     assert_allclose((skin.bounds[4], skin.bounds[5]), (-1.0, 0.95), atol=1e-6)
     assert_allclose(floor.points[:, 2], -1.0, atol=1e-7)
@@ -86,8 +86,8 @@ def test_what_can_not_be_shown_is_refused(monkeypatch: pytest.MonkeyPatch) -> No
     """Bodies that there are not; PyVista that is not there, with what draws instead."""
     result = pressed()
     if "pyvista" in sys.modules:
-        with pytest.raises(sc.InputError, match="blok"):
-            sc.scene(result, bodies=["blok"], off_screen=True)
+        with pytest.raises(sc.errors.InputError, match="blok"):
+            sc.output.scene(result, bodies=["blok"], off_screen=True)
     monkeypatch.setitem(sys.modules, "pyvista", None)
-    with pytest.raises(sc.InputError, match=r"skfem-contact\[scene\]'; plot_deformed draws"):
-        sc.scene(result)
+    with pytest.raises(sc.errors.InputError, match=r"skfem-contact\[scene\]'; plot_deformed draws"):
+        sc.output.scene(result)

@@ -46,7 +46,7 @@ def numbers(result):
     return [
         *kept,
         answer_of(result).recover(),
-        sc.ContactResult(answer_of(result)).certificate.worst,
+        sc.answers.ContactResult(answer_of(result)).certificate.worst,
         result.dissipation,
     ]
 
@@ -182,9 +182,9 @@ def test_twins_leave_the_solver_as_it_is():
         solver.solve().u, base.u, rtol=0, atol=27 * np.finfo(float).eps * np.abs(base.u).max()
     )
     assert_allclose(stiffer.with_friction(None).solve().force[0], 0.0, atol=1e-12)
-    with pytest.raises(sc.InputError, match="f of body 'block' has shape"):
+    with pytest.raises(sc.errors.InputError, match="f of body 'block' has shape"):
         solver.with_load("block", np.zeros(3))
-    with pytest.raises(sc.InputError, match="no body 'blok'"):
+    with pytest.raises(sc.errors.InputError, match="no body 'blok'"):
         solver.with_stiffness("blok", body.K)
 
 

@@ -21,7 +21,7 @@ def square(size: float, x: float = 0.0, y: float = 0.0) -> fem.Basis:
     return basis_of(mesh.with_defaults())
 
 
-def pressed(friction: sc.FrictionLaw) -> sc.ContactSolver:
+def pressed(friction: sc.conditions.FrictionLaw) -> sc.ContactSolver:
     """A block pressed on a floor."""
     down = {"top": (0.0, -0.01)}
     block = sc.Body(square(1.0), linear_elasticity(), D="top", x=down, name="block")
@@ -49,7 +49,7 @@ def test_steep_friction_with_a_direction_is_said_as_an_angle() -> None:
     """The larger coefficient counts."""
     from skfem_contact.conditions import steep_words
 
-    law = sc.OrthotropicCoulomb((20, 45), (1, 0, 0))
+    law = sc.conditions.OrthotropicCoulomb((20, 45), (1, 0, 0))
     assert steep_words(law) == "up to 88.7 degrees off the normal (mu = 45)"
 
 
@@ -71,7 +71,7 @@ def test_nodes_without_elements_are_refused() -> None:
     """As centres of arcs in mesh files: their DOFs have no stiffness, and numpy said so in its way."""
     mesh = fem.MeshQuad().refined(2)
     stray = fem.MeshQuad(np.hstack([[[0.3], [0.3]], mesh.p]), mesh.t + 1)
-    with pytest.raises(sc.InputError, match="2 of 52 DOFs of body 'block' belong to no element"):
+    with pytest.raises(sc.errors.InputError, match="2 of 52 DOFs of body 'block' belong to no element"):
         sc.Body(basis_of(stray), linear_elasticity(), name="block")
     sc.Body(basis_of(stray.remove_unused_nodes()), linear_elasticity(), name="block")
 
@@ -82,14 +82,16 @@ def test_what_stands_on_an_empty_boundary_is_not_lost() -> None:
     basis = basis_of(mesh.with_boundaries({**mesh.boundaries, "none": np.zeros(0, dtype=int)}))
     held = {"basis": basis, "K": linear_elasticity(), "D": "top", "name": "block"}
     for key in ("f", "x"):
-        with pytest.raises(sc.InputError, match="'none': this boundary has no facets"):
+        with pytest.raises(sc.errors.InputError, match="'none': this boundary has no facets"):
             sc.Body(**held, **{key: {"none": (0.0, 1.0)}})
         sc.Body(**held, **{key: {"none": (0.0, 0.0)}})
     block = sc.Body(**held, x={"none": (None, 0.0)})
-    with pytest.raises(sc.InputError, match="has no facets: boundary 'none' of the mesh is empty"):
+    with pytest.raises(
+        sc.errors.InputError, match="has no facets: boundary 'none' of the mesh is empty"
+    ):
         block.surface("none")
     for D in ("none", ["top", "none"]):
-        with pytest.raises(sc.InputError, match="boundary 'none' has no facets in the mesh"):
+        with pytest.raises(sc.errors.InputError, match="boundary 'none' has no facets in the mesh"):
             sc.Body(**held | {"D": D})
 
 
@@ -147,8 +149,10 @@ def test_a_form_for_another_number_of_components_is_refused_in_words() -> None:
     """Elasticity on a scalar basis ended in numpy's words about shapes."""
     mesh = fem.MeshQuad().refined(1).with_defaults()
     scalar = fem.Basis(mesh, fem.ElementQuad1())
-    with pytest.raises(sc.InputError, match=r"K of body 's' is a form .* needs skfem.ElementVector"):
+    with pytest.raises(
+        sc.errors.InputError, match=r"K of body 's' is a form .* needs skfem.ElementVector"
+    ):
         sc.Body(scalar, elastic_form(), name="s")
     flux = fem.LinearForm(lambda v, w: np.array([1.0, 0.0]) @ v)
-    with pytest.raises(sc.InputError, match=r"f of body 's' is a form .* one of a scalar field"):
+    with pytest.raises(sc.errors.InputError, match=r"f of body 's' is a form .* one of a scalar field"):
         sc.Body(scalar, fem.models.poisson.laplace, flux, name="s")

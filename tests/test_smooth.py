@@ -113,7 +113,7 @@ def test_rows_know_motions_and_dilatations(swap):
     assert pairing.primary_bulge is not None
     moved = pairing.primary_bulge @ np.tile(np.eye(2), (len(primary.points), 1))
     assert_allclose(moved, 0.0, atol=1e-15)
-    system = sc.stack([secondary.body, primary.body])
+    system = sc.bodies.stack([secondary.body, primary.body])
     kin = kinematics(system, sc.Contact(secondary, primary), pairing)
     x = np.concatenate([b.dof_points for b in system.bodies])
     component = np.concatenate([b.dof_component for b in system.bodies])

@@ -9,8 +9,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.sparse import csr_matrix
 
-from skfem_contact import Direct, SingularMatrix
-from skfem_contact.linalg import factorised
+from skfem_contact.errors import SingularMatrix
+from skfem_contact.linalg import Direct, factorised
 from skfem_contact.problem import Conditions, Load, PointSpace, SparseSpace
 
 

@@ -16,7 +16,7 @@ import skfem_contact as sc
 SHEAR = 0.005
 
 
-def pushed(law: sc.FrictionLaw, press: float, **options) -> sc.ContactResult:
+def pushed(law: sc.conditions.FrictionLaw, press: float, **options) -> sc.answers.ContactResult:
     """A cube whose top is pressed down and moved sideways, so that friction lifts its rear end."""
     mesh = fem.MeshHex.init_tensor(*3 * [np.linspace(0, 1, 3)]).with_defaults()
     basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=3)
@@ -32,7 +32,7 @@ def pushed(law: sc.FrictionLaw, press: float, **options) -> sc.ContactResult:
 def test_a_point_without_state_is_named(press):
     """With friction that rises more and more steeply, its pressure tends to zero, and it slips at
     a share of its bound that tends to the one that the refusal tells."""
-    with pytest.raises(sc.NotConverged, match="lost all at once") as refused:
+    with pytest.raises(sc.errors.NotConverged, match="lost all at once") as refused:
         pushed(sc.Tresca(SHEAR), press, max_cuts=0)
     found = re.search(r"point (\d+) of contact 'seat'.* pressure at ([\d.]+) %", str(refused.value))
     assert found is not None
@@ -63,6 +63,6 @@ def test_answers_are_found_from_there_where_there_are_any(law, monkeypatch):
 def test_friction_that_begins_at_zero_is_not_made_steeper(monkeypatch):
     """Coulomb's law fails as it did: with its own words."""
     internals.replace(monkeypatch, "history.Stepper.starts", ("cold",))
-    with pytest.raises(sc.NotConverged) as refused:
+    with pytest.raises(sc.errors.NotConverged) as refused:
         pushed(sc.Coulomb(0.3), 0.002, max_cuts=0, max_iterations=1)
     assert "has none" not in str(refused.value)

@@ -82,7 +82,7 @@ def test_cutting_ends(monkeypatch):
     """A step that fails however small is given up after max_cuts, and says how often it was cut."""
     count = failing(monkeypatch, lambda count: True)
     solver, _ = scene("finite", options=sc.Options(max_cuts=2))
-    with pytest.raises(sc.NotConverged, match=r"refused by the test, step cut 2 times"):
+    with pytest.raises(sc.errors.NotConverged, match=r"refused by the test, step cut 2 times"):
         solver.solve()
     assert count[0] <= 3 * len(internals.original("loops.STARTS"))
 
@@ -99,7 +99,7 @@ def test_points_that_snap_end_a_step(monkeypatch):
         return attempt if abs(done) < snap else replace(attempt, failure="snaps", travel=2.24)
 
     internals.replace(monkeypatch, "history.attempted", attempted)
-    with pytest.raises(sc.NotConverged, match="snaps"):
+    with pytest.raises(sc.errors.NotConverged, match="snaps"):
         list(scene()[0].history([1.0]))
     assert 1e-10 < min(shares) < 2e-9 and len(shares) < 100
 
@@ -110,7 +110,7 @@ def test_results_already_yielded_are_kept(monkeypatch):
     first = list(solver.history([0.3, 0.6]))
     count = failing(monkeypatch, lambda count: count > 2)
     run, seen = scene(options=sc.Options(max_cuts=0))[0].history([0.3, 0.6, 0.9]), []
-    with pytest.raises(sc.NotConverged):
+    with pytest.raises(sc.errors.NotConverged):
         for result in run:
             seen.append(result)
     assert len(seen) == 2 and count[0] >= 3
@@ -129,7 +129,7 @@ def test_the_callback_stops():
     result = solver.solve(callback=stop, throw=False)
     assert not result.converged and "stopped by the callback" in result.message
     assert len(records) == 1 == result.iterations
-    with pytest.raises(sc.NotConverged, match="stopped by the callback"):
+    with pytest.raises(sc.errors.NotConverged, match="stopped by the callback"):
         solver.solve(callback=stop)
 
     def fail(record):

@@ -107,12 +107,12 @@ def test_rotation_is_free_of_stress() -> None:
 def test_what_has_no_stress_is_refused() -> None:
     """Unknown planes, displacements of all bodies together, and scalar fields are named."""
     plate = body(fem.MeshTri(), fem.ElementTriP1())
-    with pytest.raises(sc.InputError, match="plane = 'bent'"):
+    with pytest.raises(sc.errors.InputError, match="plane = 'bent'"):
         sc.von_mises(plate, np.zeros(8), E=E, nu=NU, plane="bent")  # type: ignore[arg-type]
-    with pytest.raises(sc.InputError, match=r"result\.displacement\(body\)"):
+    with pytest.raises(sc.errors.InputError, match=r"result\.displacement\(body\)"):
         sc.von_mises(plate, np.zeros(16), E=E, nu=NU)
     heat = sc.Body(fem.Basis(fem.MeshTri(), fem.ElementTriP1()), laplace, name="heat")
-    with pytest.raises(sc.InputError, match="scalar problem"):
+    with pytest.raises(sc.errors.InputError, match="scalar problem"):
         sc.von_mises(heat, np.zeros(4), E=E, nu=NU)
 
 

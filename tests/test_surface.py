@@ -7,8 +7,9 @@ import pytest
 import scipy.sparse as sp
 import skfem as fem
 
-from skfem_contact import Body, InputError
+from skfem_contact import Body
 from skfem_contact.bodies import KINDS
+from skfem_contact.errors import InputError
 
 
 def facet_shapes(xi, k):

@@ -25,8 +25,7 @@ from skfem.models.elasticity import lame_parameters
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import skfem_contact as sc
-from skfem_contact import Direct
-from skfem_contact.linalg import lu, single_threaded
+from skfem_contact.linalg import Direct, lu, single_threaded
 from skfem_contact.once import Lock, once
 from skfem_contact.problem import Substructure, Workspace
 
@@ -148,15 +147,15 @@ def test_eight_threads_have_the_answers_of_one(scene):
 WAYS = [
     ("plane", "direct", "condensed"),
     ("plane", "fictitious", "condensed"),
-    ("plane", "newton", sc.Direct()),
+    ("plane", "newton", sc.linalg.Direct()),
     ("plane", "newton", "iterated"),
-    ("plane", "newton", sc.AMG()),
+    ("plane", "newton", sc.linalg.AMG()),
     ("solid", "direct", "condensed"),
     ("solid", "fictitious", "condensed"),
-    ("solid", "newton", sc.Direct()),
-    ("solid", "direct", sc.Direct()),
+    ("solid", "newton", sc.linalg.Direct()),
+    ("solid", "direct", sc.linalg.Direct()),
     ("solid", "newton", "iterated"),
-    ("solid", "newton", sc.AMG()),
+    ("solid", "newton", sc.linalg.AMG()),
 ]
 
 
@@ -169,7 +168,7 @@ def test_all_loops_and_routes(way):
     scene, loop, linear = way
     solver = SCENES[scene](loop=loop, linear=linear)
     found = at_once(lambda load: solver.solve(**load), moves(solver))
-    exact = loop != "fictitious" and linear in ("condensed", sc.Direct())
+    exact = loop != "fictitious" and linear in ("condensed", sc.linalg.Direct())
     assert_same(found, alone(*way), ROUND_OFF if exact else ITERATED, 1e-9 if exact else ITERATED)
 
 
@@ -207,7 +206,7 @@ def two_blocks(**given):
 
 
 def wearing():
-    return two_blocks(wear=sc.Archard(2e-3))
+    return two_blocks(wear=sc.conditions.Archard(2e-3))
 
 
 def far():
@@ -292,7 +291,7 @@ def test_variants_for_other_loads():
 # -- what is made once --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("linear", ["condensed", "iterated", sc.Direct()])
+@pytest.mark.parametrize("linear", ["condensed", "iterated", sc.linalg.Direct()])
 @pytest.mark.parametrize("prepared", [True, False], ids=["prepare", "solve"])
 def test_bodies_are_factorised_once(monkeypatch, linear, prepared):
     """All threads want the factors at once: one makes them, the others wait for it."""
@@ -310,7 +309,7 @@ def test_bodies_are_factorised_once(monkeypatch, linear, prepared):
         at_once(lambda _: solver.prepare(), range(THREADS))
     found = at_once(lambda _: solver.solve(**load), range(THREADS))
     # with all DOFs in every iteration they are condensed for complementary pivoting alone
-    assert len(made) == 1 or (not made and linear == sc.Direct())
+    assert len(made) == 1 or (not made and linear == sc.linalg.Direct())
     assert len({id(solver.linear_model.problem_on(None, None)) for _ in found}) == 1
     assert_same(found, [found[0]] * THREADS, ROUND_OFF if linear != "iterated" else ITERATED)
 
@@ -374,7 +373,7 @@ def test_a_failure_is_every_thread_s(monkeypatch):
     solver = plane()
 
     def asked(_):
-        with pytest.raises(sc.InputError, match="not positive definite"):
+        with pytest.raises(sc.errors.InputError, match="not positive definite"):
             solver.prepare()
         return True
 
@@ -497,7 +496,7 @@ def test_an_interrupted_solve_leaves_nothing_behind():
     def refuse(record):
         raise StopIteration
 
-    with pytest.raises(sc.NotConverged):
+    with pytest.raises(sc.errors.NotConverged):
         solver.solve(**load, callback=refuse)
     assert len(base.idle) == 1
     assert_same([solver.solve(**load)], [plane().solve(**load)])

@@ -36,7 +36,7 @@ FLAT: list[tuple[Any, Any]] = [
     (sc.RigidSphere((0.3, 0.3), 0.7), ball),
     (sc.RigidCylinder((0.3, 0.3), 0.7, hollow=True), lambda x: -ball(x)),
     (sc.RigidSphere((0, -500), 499.5), lambda x: np.hypot(x[0], x[1] + 500) - 499.5),
-    (sc.LevelSet(plane), plane),
+    (sc.obstacles.LevelSet(plane), plane),
     (sc.RigidPolyline(WEDGE, closed=True), lambda x: np.maximum(2 * abs(x[0]) - x[1], x[1] - 2)),
 ]
 SOLID: list[tuple[Any, Any]] = [
@@ -51,7 +51,7 @@ SOLID: list[tuple[Any, Any]] = [
         sc.RigidCylinder((0.3, 9, 0.3), 0.7, axis=(0, 2, 0)),
         lambda x: np.hypot(x[0] - 0.3, x[2] - 0.3) - 0.7,
     ),
-    (sc.LevelSet(ball), ball),
+    (sc.obstacles.LevelSet(ball), ball),
     (sc.RigidSurface(CORNERS, FACES), lambda x: np.maximum(-x.min(axis=0), x.sum(axis=0) - 1)),
 ]
 STILL: dict[int, Any] = {2: (0.0, 0.0), 3: (0.0, 0.0, 0.0)}
@@ -74,7 +74,7 @@ def test_outlines_are_on_the_obstacle(obstacle: Any, inside: Any, d: int, motion
     x, cells = tool(obstacle, motions[d], d).outline(LOW[:d], HIGH[:d])
     assert len(cells)
     # the diagonals of a grid's cells, up to h = 0.11 long, are chords: 3 h²/(8 R); all others are exact
-    curved = isinstance(obstacle, sc.LevelSet) and d == 3
+    curved = isinstance(obstacle, sc.obstacles.LevelSet) and d == 3
     assert_allclose(inside(x.T), 0.0, rtol=0, atol=7e-3 if curved else 1e-9)
     ends = x[cells]
     middle, side = ends.mean(axis=1), ends[:, 1] - ends[:, 0]
@@ -131,7 +131,7 @@ def test_rigid_bodies_are_where_their_degrees_of_freedom_say() -> None:
 def test_lines_of_functions_are_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
     """By contourpy each begins where the last ends; without it they are the same in any order."""
     pytest.importorskip("contourpy")
-    circle = sc.LevelSet(lambda x: np.linalg.norm(x, axis=0) - 0.7)
+    circle = sc.obstacles.LevelSet(lambda x: np.linalg.norm(x, axis=0) - 0.7)
     box = np.full(2, -1.0), np.ones(2)
     points, lines = outline(circle, *box)
     assert np.all(lines[1:, 0] == lines[:-1, 1])
@@ -145,7 +145,7 @@ def test_lines_of_functions_are_in_order(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_functions_without_values_somewhere_are_drawn_where_they_have_some() -> None:
     """A root that ends at x = 0: its curve is drawn from there on, without a warning."""
-    root = sc.LevelSet(lambda x: x[1] - np.sqrt(x[0]), name="root")
+    root = sc.obstacles.LevelSet(lambda x: x[1] - np.sqrt(x[0]), name="root")
     x, lines = tool(root, STILL[2], 2).outline(LOW[:2], HIGH[:2])
     assert len(lines) and np.all(x[:, 0] >= 0)
     # a chord of the root over the first cell, h = 0.0116, is off by h / 4 in its square

@@ -302,7 +302,7 @@ def test_spinning_disc_keeps_its_force():
 
 def test_level_set_is_watched_like_the_disc():
     """An obstacle given by a function is looked at to first order: right where it touches."""
-    circle = sc.LevelSet(lambda x: x[0] ** 2 + (x[1] - 0.05) ** 2 - 0.05**2, name="disc")
+    circle = sc.obstacles.LevelSet(lambda x: x[0] ** 2 + (x[1] - 0.05) ** 2 - 0.05**2, name="disc")
     plain = answer_of(under_disc(moved(0.5e-3))[-1]).diagnostics.drifts[0]
     drift = answer_of(under_disc(moved(0.5e-3), disc=circle)[-1]).diagnostics.drifts[0]
     # the second order of the gap over the radius
@@ -641,7 +641,7 @@ def spoiled(result, name, shift):
     part += np.asarray(shift)[body.dof_component]
     wrong = replace(answer_of(result), recover=lambda: u)
     wrong.diagnose(replace(wrong.diagnostics, meetings={}))  # what the step has measured
-    return sc.ContactResult(wrong)
+    return sc.answers.ContactResult(wrong)
 
 
 @pytest.fixture(scope="module")
@@ -673,7 +673,7 @@ def test_strained_and_turned_body(fine):
         added = body.basis.project(lambda x, H=gradient: np.einsum("ij,j...->i...", H, x))
         u = fine.u.copy()
         u[fine.system.slice("block")] += added
-        spoilt = sc.ContactResult(replace(answer_of(fine), recover=lambda u=u: u))
+        spoilt = sc.answers.ContactResult(replace(answer_of(fine), recover=lambda u=u: u))
         with pytest.warns(sc.ContactWarning):
             validity = spoilt.validity
         assert_allclose(getattr(validity, kind)["block"], 0.2, rtol=0.05)  # its own strain is 5e-3
@@ -845,7 +845,7 @@ def test_force_beyond_an_end_within_a_facet(held):
         assert abs(share - lost) < 0.005
 
 
-@pytest.mark.parametrize("linear", ["auto", sc.Direct()])
+@pytest.mark.parametrize("linear", ["auto", sc.linalg.Direct()])
 @pytest.mark.parametrize("angle", [0.0, 0.4])
 def test_a_body_on_springs_slides_off_in_every_direction(linear, angle):
     """Smooth contact along an axis knows no displacements across it; they are looked at anyway."""

@@ -238,7 +238,7 @@ def spoiled(answer, u):
     wrong.diagnose(replace(answer.diagnostics, meetings={}))  # what the step has measured
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return sc.ContactResult(wrong).validity
+        return sc.answers.ContactResult(wrong).validity
 
 
 def test_a_support_that_turns_its_body_is_a_rotation():

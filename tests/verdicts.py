@@ -34,7 +34,7 @@ FILES = (
 MOST = 8
 
 
-def verdict(result: sc.ContactResult) -> str:
+def verdict(result: sc.answers.ContactResult) -> str:
     """What does not hold, and where; a star per late warning; after a bar what was warned of."""
     with warnings.catch_warnings(record=True) as late:
         warnings.simplefilter("always")
@@ -59,14 +59,14 @@ def _rounded(place: str) -> str:
 def answers(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Any]]:
     """All answers that are made meanwhile, in their order."""
     made: list[Any] = []
-    plain = sc.ContactResult.__init__
+    plain = sc.answers.ContactResult.__init__
 
     def noted(self: Any, answer: Any) -> None:
         plain(self, answer)
         if answer.converged and not any(answer is other._answer for other in made):
             made.append(self)
 
-    monkeypatch.setattr(sc.ContactResult, "__init__", noted)
+    monkeypatch.setattr(sc.answers.ContactResult, "__init__", noted)
     yield made
 
 

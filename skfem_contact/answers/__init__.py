@@ -12,16 +12,57 @@
 * `thresholds`: numbers, and where they come from.
 """
 
+from typing import TYPE_CHECKING
+
 from skfem_contact.entrances import entrances
 
-__getattr__ = entrances(
+if TYPE_CHECKING:
+    from skfem_contact.answers.certificate import Certificate as Certificate
+    from skfem_contact.answers.error.sources import ErrorEstimate as ErrorEstimate
+    from skfem_contact.answers.error.sources import ErrorSources as ErrorSources
+    from skfem_contact.answers.result import ContactResult as ContactResult
+    from skfem_contact.answers.tangent.changes import Parameter as Parameter
+    from skfem_contact.answers.tangent.modes import Modes as Modes
+    from skfem_contact.answers.tangent.sensitivity import Sensitivity as Sensitivity
+    from skfem_contact.answers.tangent.tangent import Tangent as Tangent
+    from skfem_contact.answers.uniqueness import Uniqueness as Uniqueness
+    from skfem_contact.answers.validity.validity import ContactValidity as ContactValidity
+    from skfem_contact.answers.validity.validity import Drift as Drift
+    from skfem_contact.answers.validity.validity import Validity as Validity
+    from skfem_contact.answers.values import ContactValues as ContactValues
+
+__all__ = [
+    "Certificate",
+    "ContactResult",
+    "ContactValidity",
+    "ContactValues",
+    "Drift",
+    "ErrorEstimate",
+    "ErrorSources",
+    "Modes",
+    "Parameter",
+    "Sensitivity",
+    "Tangent",
+    "Uniqueness",
+    "Validity",
+]
+
+__getattr__, __dir__ = entrances(
     __name__,
+    __all__,
     {
         "answer": "answer_of",
+        "certificate": "Certificate",
         "error.net": "Net",
+        "error.sources": "ErrorEstimate ErrorSources",
         "fields": "Segments closed_area contact_edge contour edge_positions find_edges interpolate",
         "pieces": "critical_friction orientation turning_springs",
-        "uniqueness": "Form unique_up_to",
+        "result": "ContactResult",
+        "tangent.changes": "Parameter",
+        "tangent.modes": "Modes",
+        "tangent.sensitivity": "Sensitivity",
+        "tangent.tangent": "Tangent",
+        "uniqueness": "Form unique_up_to Uniqueness",
         "validity.chords": "bends sagittas",
         "validity.deformed_boundaries": "Boundary boundary",
         "validity.edges": "crossings sharp_edges_of",
@@ -29,6 +70,8 @@ __getattr__ = entrances(
         "validity.strain": "strains",
         "validity.support": "Support",
         "validity.track": "Rim Track curvatures node_lengths",
+        "validity.validity": "ContactValidity Drift Validity",
         "validity.words": "facet_words",
+        "values": "ContactValues",
     },
 )

@@ -189,7 +189,7 @@ class ContactResult(ByContact):
     def stress(self, body: Member | str) -> Array:
         """Cauchy stress of a body with a material, (3, 3, elements, points of integration) [stress].
 
-        At the nodes: `skfem_contact.nodal_field`.
+        At the nodes: `skfem_contact.output.nodal_field`.
 
         Raises
         ------

@@ -8,3 +8,27 @@
 * `joints`: tables of joints and of load cases;
 * `thresholds`: numbers, and where they come from.
 """
+
+from typing import TYPE_CHECKING
+
+from skfem_contact.entrances import entrances
+
+if TYPE_CHECKING:
+    from skfem_contact.assemblies.bolt import BoltValues as BoltValues
+    from skfem_contact.assemblies.finding import FoundContact as FoundContact
+    from skfem_contact.assemblies.finding import FoundContacts as FoundContacts
+    from skfem_contact.assemblies.joints import Joint as Joint
+    from skfem_contact.assemblies.joints import Joints as Joints
+    from skfem_contact.assemblies.joints import LoadCases as LoadCases
+
+__all__ = ["BoltValues", "FoundContact", "FoundContacts", "Joint", "Joints", "LoadCases"]
+
+__getattr__, __dir__ = entrances(
+    __name__,
+    __all__,
+    {
+        "bolt": "BoltValues",
+        "finding": "FoundContact FoundContacts",
+        "joints": "Joint Joints LoadCases",
+    },
+)

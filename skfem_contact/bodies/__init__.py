@@ -16,10 +16,20 @@
 * `thresholds`: numbers, and where they come from.
 """
 
+from typing import TYPE_CHECKING
+
 from skfem_contact.entrances import entrances
 
-__getattr__ = entrances(
+if TYPE_CHECKING:
+    from skfem_contact.bodies.surface import ContactSurface as ContactSurface
+    from skfem_contact.bodies.system import System as System
+    from skfem_contact.bodies.system import stack as stack
+
+__all__ = ["ContactSurface", "System", "stack"]
+
+__getattr__, __dir__ = entrances(
     __name__,
+    __all__,
     {
         "assembly": "assembled",
         "bare": "bare_surface",
@@ -28,5 +38,7 @@ __getattr__ = entrances(
         "inputs": "SUPPORTED",
         "kinks": "kink_angles",
         "normals": "angle_between tangents",
+        "surface": "ContactSurface",
+        "system": "stack System",
     },
 )

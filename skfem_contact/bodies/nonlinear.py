@@ -265,7 +265,7 @@ class NonlinearBody(Body):
         >>> import skfem as fem
         >>> import skfem_contact as sc
         >>> basis = fem.Basis(fem.MeshQuad().with_defaults(), fem.ElementVector(fem.ElementQuad1()))
-        >>> seal = sc.NonlinearBody(basis, sc.NeoHooke.of(1.0, 0.3))
+        >>> seal = sc.NonlinearBody(basis, sc.materials.NeoHooke.of(1.0, 0.3))
         >>> longer = 0.5 * basis.doflocs[1] * (seal.dof_component == 1)  # by a half along y
         >>> f = seal.pressed("left", 2.0, longer)
         >>> float(f[seal.dof_component == 0].sum())

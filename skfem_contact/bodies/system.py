@@ -51,7 +51,7 @@ class System:
     ...     return sc.Body(basis, linear_elasticity(), **settings)
     >>> low = square(0, D="bottom", name="low")
     >>> high = square(1, D="top", x={"top": (0, 0.01)}, name="high")
-    >>> system = sc.stack([low, high])
+    >>> system = sc.bodies.stack([low, high])
     >>> system.K.shape, len(system.D), system.names
     ((36, 36), 12, ('low', 'high'))
     """

@@ -13,16 +13,29 @@
 * `thresholds`: numbers, and where they come from.
 """
 
+from typing import TYPE_CHECKING
+
 from skfem_contact.entrances import entrances
 
-__getattr__ = entrances(
+if TYPE_CHECKING:
+    from skfem_contact.conditions.friction import Archard as Archard
+    from skfem_contact.conditions.friction import FrictionLaw as FrictionLaw
+    from skfem_contact.conditions.kinematics import Kinematics as Kinematics
+    from skfem_contact.conditions.orthotropic import OrthotropicCoulomb as OrthotropicCoulomb
+
+__all__ = ["Archard", "FrictionLaw", "Kinematics", "OrthotropicCoulomb"]
+
+__getattr__, __dir__ = entrances(
     __name__,
+    __all__,
     {
         "discretisation": "carriers pair",
+        "friction": "Archard FrictionLaw",
         "friction_rule": "CheckedLaw FrictionRule steep_words",
+        "kinematics": "Kinematics",
         "loads": "LoadCase Motion",
         "motions": "RigidMotions null_space rigid_motions",
-        "orthotropic": "combinations duals",
+        "orthotropic": "combinations duals OrthotropicCoulomb",
         "return_map": "Derivatives radial_return unlawful",
         "rows": "combined_rows tangential_matrix",
         "state": "LocalState transport",

@@ -67,7 +67,7 @@ class FrictionLaw(PrintedAsCall):
     >>> import numpy as np
     >>> import skfem_contact as sc
     >>> @dataclass(frozen=True, eq=False)
-    ... class Weakening(sc.FrictionLaw):
+    ... class Weakening(sc.conditions.FrictionLaw):
     ...     mu: float = 0.4
     ...     mu_end: float = 0.2
     ...     length: float = 1e-3
@@ -309,7 +309,7 @@ class Archard(PrintedAsCall):
 
     >>> import numpy as np
     >>> import skfem_contact as sc
-    >>> sc.Archard(1e-6).volume(np.array([2.0]), np.array([10.0]))
+    >>> sc.conditions.Archard(1e-6).volume(np.array([2.0]), np.array([10.0]))
     array([2.e-05])
     """
 

@@ -107,7 +107,7 @@ class Kinematics:
     >>> from skfem_contact.conditions.kinematics import kinematics
     >>> from skfem_contact.pairing.node import node_to_segment
     >>> kin = kinematics(
-    ...     sc.stack([low, high]), contact, node_to_segment(contact.secondary, contact.primary)
+    ...     sc.bodies.stack([low, high]), contact, node_to_segment(contact.secondary, contact.primary)
     ... )
     >>> kin.gap0.tolist(), kin.B_n.shape
     ([0.0, 0.0, 0.0], (3, 36))

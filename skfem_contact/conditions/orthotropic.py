@@ -114,7 +114,7 @@ class OrthotropicCoulomb(FrictionLaw):
     >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
     >>> drag = {"high": (10.0, 10.0, -0.01)}
     >>> block = sc.Body(basis, linear_elasticity(0.0, 0.5), D="high", x=drag, name="block")
-    >>> law = sc.OrthotropicCoulomb(mu=(0.1, 0.3), direction=(1, 0, 0))
+    >>> law = sc.conditions.OrthotropicCoulomb(mu=(0.1, 0.3), direction=(1, 0, 0))
     >>> foot = sc.Contact(block.surface("low"), sc.RigidPlane((0, 0, 0), (0, 0, 1)), friction=law)
     >>> force = sc.ContactSolver(block, foot).solve().force
     >>> (force / force[2]).round(3)

@@ -1,15 +1,30 @@
 """Constraints by elimination: ``C u = b`` becomes ``u = T u_r + c``.
 
-* `pivoting`, `constraint`, `eliminate`: from rows to T;
-* `condense`: the rows of contacts, and what solvers of scikit-fem take;
+* `pivoting`, `constraint`, `transformation`: from rows to T;
+* `condensed_system`: the rows of contacts, and what solvers of scikit-fem take;
 * `thresholds`: numbers, and where they come from.
 """
 
+from typing import TYPE_CHECKING
+
 from skfem_contact.entrances import entrances
 
-__getattr__ = entrances(
+if TYPE_CHECKING:
+    from skfem_contact.elimination.condensed_system import ConstraintRows as ConstraintRows
+    from skfem_contact.elimination.condensed_system import condense as condense
+    from skfem_contact.elimination.condensed_system import contact_rows as contact_rows
+    from skfem_contact.elimination.constraint import AffineConstraint as AffineConstraint
+    from skfem_contact.elimination.transformation import eliminate as eliminate
+
+__all__ = ["AffineConstraint", "ConstraintRows", "condense", "contact_rows", "eliminate"]
+
+__getattr__, __dir__ = entrances(
     __name__,
+    __all__,
     {
+        "condensed_system": "condense ConstraintRows contact_rows",
+        "constraint": "AffineConstraint",
         "pivoting": "find_pivots",
+        "transformation": "eliminate",
     },
 )

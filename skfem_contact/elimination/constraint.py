@@ -67,10 +67,10 @@ class AffineConstraint:
     ...     return sc.Body(basis, linear_elasticity(), **settings)
     >>> low = square(0, D="bottom", name="low")
     >>> high = square(1, D="top", x={"top": (0, 0.01)}, name="high")
-    >>> system = sc.stack([low, high])
+    >>> system = sc.bodies.stack([low, high])
     >>> glued = sc.Contact(high.surface("bottom"), low.surface("top"), tied=True)
-    >>> rows = sc.contact_rows(system, glued)
-    >>> constraint = sc.eliminate(rows.C, rows.b, D=system.D, x=system.x)
+    >>> rows = sc.elimination.contact_rows(system, glued)
+    >>> constraint = sc.elimination.eliminate(rows.C, rows.b, D=system.D, x=system.x)
     >>> K, f = constraint.reduce(system.K, system.f)
     >>> u = constraint.expand(fem.solve(K, f))
     >>> K.shape, u.shape  # all 36 DOFs, less 12 that are prescribed and 6 that are glued
@@ -126,7 +126,7 @@ class AffineConstraint:
         --------
         Three springs in a row, the middle DOF tied to the mean of its neighbours:
 
-        >>> from skfem_contact.elimination.eliminate import eliminate
+        >>> from skfem_contact.elimination.transformation import eliminate
         >>> K = sp.csr_matrix([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
         >>> tie = eliminate([[-0.5, 1.0, -0.5]], [0.0])
         >>> K_r, f_r = tie.reduce(K, [0.0, 0.0, 1.0])

@@ -17,11 +17,23 @@
 * `thresholds`: numbers, and where they come from.
 """
 
+from typing import TYPE_CHECKING
+
 from skfem_contact.entrances import entrances
 
-__getattr__ = entrances(
+if TYPE_CHECKING:
+    from skfem_contact.history.checkpoint import SavedState as SavedState
+    from skfem_contact.history.gradients import Gradient as Gradient
+    from skfem_contact.history.gradients import Jacobian as Jacobian
+
+__all__ = ["Gradient", "Jacobian", "SavedState"]
+
+__getattr__, __dir__ = entrances(
     __name__,
+    __all__,
     {
+        "checkpoint": "SavedState",
+        "gradients": "Gradient Jacobian",
         "load_step": "recover_all",
         "neutral_equilibrium": "nearest",
         "stepping": "Bisection grown",

@@ -19,12 +19,11 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium
 from skfem_contact.conditions.statics import drives, escape
 from skfem_contact.digits import GIVEN
-from skfem_contact.errors import NoEquilibrium, NotConverged
+from skfem_contact.errors import NoEquilibrium, NotConverged, SingularMatrix
 from skfem_contact.history.grip import Grip
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, rough_at_rest
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.stepping import advance
-from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.pairing.vertices import Corners
 from skfem_contact.problem.model import EVEN_CLOSED, LinearModel
 from skfem_contact.records import dataclass

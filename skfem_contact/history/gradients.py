@@ -81,8 +81,8 @@ class Jacobian:
 
     >>> import numpy as np
     >>> import skfem_contact as sc
-    >>> by = sc.Parameter("gap"), sc.Parameter("load")
-    >>> found = sc.Jacobian(np.zeros(2), np.array([[1.0, 0.0], [2.0, 0.0]]), by, [])
+    >>> by = sc.answers.Parameter("gap"), sc.answers.Parameter("load")
+    >>> found = sc.history.Jacobian(np.zeros(2), np.array([[1.0, 0.0], [2.0, 0.0]]), by, [])
     >>> found.rank, found.words[:48]
     (1, "The values do not depend on Parameter('load'). S")
     """

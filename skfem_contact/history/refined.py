@@ -17,9 +17,8 @@ from skfem_contact.arrays import largest
 from skfem_contact.carried import copied
 from skfem_contact.conditions.state import OPEN, LocalState
 from skfem_contact.digits import SOLVED
+from skfem_contact.errors import LinearSolveError, SingularMatrix
 from skfem_contact.history.load_step import Attempt, Recovery
-from skfem_contact.linalg.backend import LinearSolveError
-from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.problem.response import Response
 
 Array = NDArray[np.float64]

@@ -30,16 +30,14 @@ from skfem_contact.carried import ByFields
 from skfem_contact.conditions.checks import check_loads
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import COMPUTED, SOLVED
-from skfem_contact.errors import InputError, warn
+from skfem_contact.errors import InputError, LinearSolveError, SingularMatrix, warn
 from skfem_contact.history.equilibrium import EquilibriumSearch, Verdict
 from skfem_contact.history.grip import Grip
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.read import StepReader
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.thresholds import HARDLY_MOVES, PRESSED
-from skfem_contact.linalg.backend import LinearSolveError
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.driver import NOTHING_HOLDS, converged_words
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Record

@@ -36,6 +36,7 @@ from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, STICK, LocalState
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
+from skfem_contact.errors import SingularMatrix
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, nothing
 from skfem_contact.history.stepper import RAN_AWAY, Stepper
 from skfem_contact.history.thresholds import (
@@ -52,7 +53,6 @@ from skfem_contact.history.thresholds import (
 )
 from skfem_contact.linalg.dense_factors import cholesky
 from skfem_contact.linalg.krylov import Anderson
-from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.starts import REGULARISED
 from skfem_contact.loops.step import Record
 from skfem_contact.records import dataclass

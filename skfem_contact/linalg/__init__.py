@@ -12,15 +12,24 @@
 * `thresholds`: numbers, and where they come from.
 """
 
+from typing import TYPE_CHECKING
+
 from skfem_contact.entrances import entrances
 
-__getattr__ = entrances(
+if TYPE_CHECKING:
+    from skfem_contact.linalg.amg import AMG as AMG
+    from skfem_contact.linalg.direct import Direct as Direct
+
+__all__ = ["AMG", "Direct"]
+
+__getattr__, __dir__ = entrances(
     __name__,
+    __all__,
     {
-        "amg": "conjugate_gradients hierarchy",
+        "amg": "AMG conjugate_gradients hierarchy",
         "backend": "Backend",
         "dense_factors": "NoPivot cholesky factorised lu nonnegative_least_squares",
-        "direct": "Dense FromSolver as_linear_solver",
+        "direct": "as_linear_solver Dense Direct FromSolver",
         "krylov": "Anderson gmres",
         "multifrontal.factor": "MultifrontalCholesky SurfaceResponse",
         "multifrontal.fronts": "analyse factor_size find_runs",

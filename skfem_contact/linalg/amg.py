@@ -13,7 +13,8 @@ from pyamg.relaxation.relaxation import gauss_seidel
 from scipy.sparse.linalg import LinearOperator, cg, gmres
 
 from skfem_contact.arguments import with_known_keywords
-from skfem_contact.linalg.backend import Backend, Factorisation, LinearSolveError, by_column
+from skfem_contact.errors import LinearSolveError
+from skfem_contact.linalg.backend import Backend, Factorisation, by_column
 from skfem_contact.linalg.singular import check_diagonal
 
 
@@ -45,7 +46,7 @@ class AMG(Backend):
     >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
     >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
     >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
-    >>> solver = sc.ContactSolver(block, foot, linear=sc.AMG(tol=1e-12))
+    >>> solver = sc.ContactSolver(block, foot, linear=sc.linalg.AMG(tol=1e-12))
     >>> factorised = sc.ContactSolver(block, foot).solve()
     >>> bool(
     ...     abs(solver.solve().pressure - factorised.pressure).max() < 1e-8 * factorised.pressure.max()

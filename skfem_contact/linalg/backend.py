@@ -12,7 +12,7 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.remote import RemoteStiffness, check_whole
-from skfem_contact.errors import ContactError, InputError
+from skfem_contact.errors import InputError
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.linalg.singular import Solve
 from skfem_contact.records import dataclass
@@ -111,39 +111,6 @@ class BodyFactor(Protocol):
     def response(self, dofs: Index) -> Surface:
         """Return what forces on some DOFs (m,) move there."""
         ...
-
-
-class LinearSolveError(ContactError):
-    """An iterative or foreign solver returned no solution.
-
-    Attributes
-    ----------
-    residual : float
-        ``|b - A x| / |b|`` of the best answer; NaN where unknown.
-    iterations : int
-        How many were made.
-
-    Examples
-    --------
-    >>> import skfem as fem
-    >>> import skfem_contact as sc
-    >>> from skfem.models.elasticity import linear_elasticity
-    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
-    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
-    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
-    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
-    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
-    >>> solver = sc.ContactSolver(block, foot, linear=sc.AMG(tol=1e-14, max_iterations=1))
-    >>> try:
-    ...     solver.solve()
-    ... except sc.LinearSolveError:
-    ...     print("not reached")
-    not reached
-    """
-
-    def __init__(self, message: str, residual: float = np.nan, iterations: int = 0) -> None:
-        super().__init__(message)
-        self.residual, self.iterations = float(residual), int(iterations)
 
 
 @dataclass(frozen=True, eq=False)

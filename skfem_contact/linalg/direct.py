@@ -25,8 +25,8 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from skfem_contact.bodies.member import Member
-from skfem_contact.errors import InputError
-from skfem_contact.linalg.backend import Backend, BodyFactor, Factorisation, LinearSolveError, by_column
+from skfem_contact.errors import InputError, LinearSolveError
+from skfem_contact.linalg.backend import Backend, BodyFactor, Factorisation, by_column
 from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
 from skfem_contact.linalg.multifrontal.fronts import Pattern

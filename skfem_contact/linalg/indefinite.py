@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 
+from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.backend import Surface
 from skfem_contact.linalg.multifrontal.ordering import dissection_order
-from skfem_contact.linalg.singular import SingularMatrix
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from skfem_contact.errors import ContactError
+from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.thresholds import LOST, NEGLIGIBLE, SUSPICIOUS
 
 Solve = Callable[[np.ndarray], np.ndarray]
@@ -33,32 +33,6 @@ class NotPositiveDefinite(np.linalg.LinAlgError):
             "free: hold the body, or keep more DOFs. Or K is not positive definite."
         )
         self.dof, self.point, self.ratio = int(dof), np.array(point), float(ratio)
-
-
-class SingularMatrix(ContactError):
-    """A matrix is singular to working precision.
-
-    Attributes
-    ----------
-    dof : int
-        The DOF (row) at which it shows; -1 where unknown.
-    ratio : float
-        Stiffness left there divided by its diagonal entry; NaN where unknown.
-
-    Examples
-    --------
-    >>> import skfem_contact as sc
-    >>> from scipy.sparse import csr_matrix
-    >>> try:
-    ...     sc.Direct().factorize(csr_matrix([[1.0, 1.0], [1.0, 1.0]]))
-    ... except sc.SingularMatrix:
-    ...     print("no unique answer")
-    no unique answer
-    """
-
-    def __init__(self, message: str, dof: int = -1, ratio: float = np.nan) -> None:
-        super().__init__(message)
-        self.dof, self.ratio = int(dof), float(ratio)
 
 
 def smallest_eigenvalue(scale: np.ndarray, solve: Solve) -> tuple[float, int]:

@@ -10,10 +10,18 @@
 * `thresholds`: numbers, and where they come from.
 """
 
+from typing import TYPE_CHECKING
+
 from skfem_contact.entrances import entrances
 
-__getattr__ = entrances(
+if TYPE_CHECKING:
+    from skfem_contact.loops.step import Record as Record
+
+__all__ = ["Record"]
+
+__getattr__, __dir__ = entrances(
     __name__,
+    __all__,
     {
         "active_set": "direct linear_conditions newton stabilise",
         "complementarity": "Projection friction_of_prescribed_slip",
@@ -21,6 +29,6 @@ __getattr__ = entrances(
         "initial_stress": "fictitious",
         "pulled": "At",
         "starts": "admissible as_guess natural_state possible_starts starting_values",
-        "step": "Guess Step",
+        "step": "Guess Record Step",
     },
 )

@@ -11,8 +11,7 @@ import numpy as np
 
 from skfem_contact.arguments import number, with_known_keywords
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
-from skfem_contact.errors import InputError
-from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.loops.active_set import direct, newton
 from skfem_contact.loops.initial_stress import fictitious
 from skfem_contact.loops.step import Guess, Iterate, Record, Step
@@ -33,7 +32,7 @@ class Options:
     """Settings of the nonlinear loop and of load stepping; the defaults need no tuning.
 
     `fast`, `balanced` (the defaults) and `accurate` are chosen from what was measured
-    (docs/trade.md).
+    (docs/checks/trade.md).
 
     Attributes
     ----------
@@ -84,8 +83,8 @@ class Options:
     def fast(cls) -> Options:
         """For finite sliding in a hurry: pairings are iterated to 1e-3 of the largest force.
 
-        It saves time where ``sliding="finite"`` pairs anew, above all with mortar; docs/trade.md and
-        docs/sliding.md have the times and errors. The pairing of small sliding is given, and
+        It saves time where ``sliding="finite"`` pairs anew, above all with mortar; docs/checks/trade.md
+        and docs/sliding.md have the times and errors. The pairing of small sliding is given, and
         `newton` ends with round-off: nothing changes there. ``tolerance=1e-4`` is for the loops
         `direct` and `fictitious`.
         """
@@ -95,7 +94,7 @@ class Options:
     def balanced(cls) -> Options:
         """The defaults: ``Options.balanced() == Options()``.
 
-        With them the errors are those of the meshes; docs/trade.md shows it.
+        With them the errors are those of the meshes; docs/checks/trade.md shows it.
         """
         return cls()
 
@@ -104,7 +103,7 @@ class Options:
         """For comparisons of answers with each other: pairings are iterated to 1e-8.
 
         Errors stay those of the mesh, forces move in the sixth digit, at up to twice the time
-        (docs/trade.md, docs/sliding.md). Nothing changes with small sliding, see `fast`.
+        (docs/checks/trade.md, docs/sliding.md). Nothing changes with small sliding, see `fast`.
         """
         return cls(placement_tolerance=1e-8)
 

@@ -29,8 +29,8 @@ from skfem_contact.conditions.rows import stacked_rows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.elimination.thresholds import AGREEMENT
+from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.krylov import gmres
-from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.loops.complementarity import Projection
 from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.thresholds import MOST_MOVES, ROUNDED, SLOW

@@ -27,7 +27,7 @@ from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.conditions.thresholds import NO_WORK
 from skfem_contact.digits import GIVEN
-from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.errors import SingularMatrix
 from skfem_contact.loops.active_set import newton
 from skfem_contact.loops.complementarity import Projection
 from skfem_contact.loops.driver import Outcome, drive

@@ -31,7 +31,7 @@ from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState, State
 from skfem_contact.digits import GIVEN
-from skfem_contact.linalg.singular import SingularMatrix
+from skfem_contact.errors import SingularMatrix
 from skfem_contact.loops.active_set import newton
 from skfem_contact.loops.driver import Outcome, drive
 from skfem_contact.loops.pulled import Carried, after, pulled

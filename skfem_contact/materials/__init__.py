@@ -12,15 +12,41 @@ Arrays have their components first, then elements and points of integration, as 
 All names below are public.
 """
 
+from typing import TYPE_CHECKING
+
 from skfem_contact.entrances import entrances
 
-__getattr__ = entrances(
+if TYPE_CHECKING:
+    from skfem_contact.materials.elastic import Elastic as Elastic
+    from skfem_contact.materials.felupe import FromFelupe as FromFelupe
+    from skfem_contact.materials.hyperelastic import MooneyRivlin as MooneyRivlin
+    from skfem_contact.materials.hyperelastic import NeoHooke as NeoHooke
+    from skfem_contact.materials.hyperelastic import SaintVenantKirchhoff as SaintVenantKirchhoff
+    from skfem_contact.materials.material import FromFunction as FromFunction
+    from skfem_contact.materials.material import Material as Material
+    from skfem_contact.materials.material import Split as Split
+    from skfem_contact.materials.plasticity import J2 as J2
+
+__all__ = [
+    "J2",
+    "Elastic",
+    "FromFelupe",
+    "FromFunction",
+    "Material",
+    "MooneyRivlin",
+    "NeoHooke",
+    "SaintVenantKirchhoff",
+    "Split",
+]
+
+__getattr__, __dir__ = entrances(
     __name__,
+    __all__,
     {
-        "material": "FromFunction Material Split",
         "elastic": "Elastic",
-        "plasticity": "J2",
-        "hyperelastic": "MooneyRivlin NeoHooke SaintVenantKirchhoff",
         "felupe": "FromFelupe",
+        "hyperelastic": "MooneyRivlin NeoHooke SaintVenantKirchhoff",
+        "material": "FromFunction Material Split",
+        "plasticity": "J2",
     },
 )

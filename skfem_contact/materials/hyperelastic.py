@@ -81,7 +81,7 @@ class NeoHooke(PrintedAsCall, Hyperelastic):
     Examples
     --------
     >>> import skfem_contact as sc
-    >>> foam = sc.NeoHooke.of(E=1.0, nu=0.25)
+    >>> foam = sc.materials.NeoHooke.of(E=1.0, nu=0.25)
     >>> foam.shear, round(foam.bulk, 4)
     (0.4, 0.6667)
     >>> stress, _, _ = foam(np.diag([0.5, 0.0, 0.0])[:, :, None, None], {})
@@ -131,7 +131,7 @@ class MooneyRivlin(PrintedAsCall, Hyperelastic):
     Examples
     --------
     >>> import skfem_contact as sc
-    >>> rubber = sc.MooneyRivlin(0.293, 0.177, bulk=1410.0)
+    >>> rubber = sc.materials.MooneyRivlin(0.293, 0.177, bulk=1410.0)
     >>> rubber.shear
     0.94
     """

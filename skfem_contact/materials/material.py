@@ -33,6 +33,17 @@ class Material(ABC):
     mean_dilatation : bool
         Whether `NonlinearBody` should take means of the change of volume over elements of first order,
         which lock otherwise; for materials that are `Split`.
+
+    Examples
+    --------
+    A bed of springs that only resists a change of volume:
+
+    >>> class Bed(Material):
+    ...     def __call__(self, H, state):
+    ...         one = np.eye(len(H))[..., None, None]
+    ...         return np.trace(H) * one, np.einsum("ij...,kl...->ijkl...", one, one), state
+    >>> Bed()(np.ones((2, 2, 1, 1)), {})[0][..., 0, 0].tolist()
+    [[2.0, 0.0], [0.0, 2.0]]
     """
 
     finite_strain: bool = False
@@ -79,7 +90,15 @@ class Material(ABC):
 
 
 class Split(Material):
-    """A material whose energy is one of the shape and one of the volume, ``W_iso(F) + U(J)``."""
+    """A material whose energy is one of the shape and one of the volume, ``W_iso(F) + U(J)``.
+
+    Examples
+    --------
+    >>> from skfem_contact.materials import NeoHooke
+    >>> rubber = NeoHooke(shear=1.0, bulk=1000.0)
+    >>> isinstance(rubber, Split), rubber.mean_dilatation
+    (True, False)
+    """
 
     @abstractmethod
     def isochoric(self, H: Array, state: State) -> tuple[Array, Array, State]:

@@ -8,11 +8,20 @@
 * `rigid_body`: an obstacle with the DOFs of its motion, one of the bodies.
 """
 
+from typing import TYPE_CHECKING
+
 from skfem_contact.entrances import entrances
 
-__getattr__ = entrances(
+if TYPE_CHECKING:
+    from skfem_contact.obstacles.level_set import LevelSet as LevelSet
+
+__all__ = ["LevelSet"]
+
+__getattr__, __dir__ = entrances(
     __name__,
+    __all__,
     {
+        "level_set": "LevelSet",
         "motion": "read_motion rotation_matrix spin",
         "obstacle": "Obstacle",
     },

@@ -4,17 +4,35 @@
 * `tools`: rigid obstacles as lines and triangles;
 * `grids`, `vtk`: files for ParaView;
 * `view`, `drawing`: what stands where in a picture, and what all pictures have;
-* `plot_bodies`, `plot_contacts`, `plot_pairs`, `plot_histories`, `solids`: pictures with matplotlib;
-* `scene`: pictures in space with PyVista.
+* `plot_bodies`, `plot_contacts`, `plot_assemblies`, `plot_histories`, `solids`: pictures with
+  matplotlib;
+* `pyvista_scene`: pictures in space with PyVista.
 """
+
+from typing import TYPE_CHECKING
 
 from skfem_contact.entrances import entrances
 
-__getattr__ = entrances(
+if TYPE_CHECKING:
+    from skfem_contact.output.plot_assemblies import plot_pairs as plot_pairs
+    from skfem_contact.output.plot_contacts import plot_joints as plot_joints
+    from skfem_contact.output.plot_histories import plot_force as plot_force
+    from skfem_contact.output.pyvista_scene import scene as scene
+    from skfem_contact.output.stress import nodal_field as nodal_field
+
+__all__ = ["nodal_field", "plot_force", "plot_joints", "plot_pairs", "scene"]
+
+__getattr__, __dir__ = entrances(
     __name__,
+    __all__,
     {
         "drawing": "arc_length",
+        "plot_assemblies": "plot_pairs",
+        "plot_contacts": "plot_joints",
+        "plot_histories": "plot_force",
+        "pyvista_scene": "scene",
         "solids": "draw_contact",
+        "stress": "nodal_field",
         "tools": "Tool outline",
     },
 )

@@ -151,7 +151,7 @@ def plot_joints(result: ContactResult, *, units: Mapping[str, str] | None = None
     >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
     >>> feet = [sc.Contact(block.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), name="foot")]
     >>> feet += [sc.Contact(block.surface("left"), sc.RigidPlane((0, 0), (1, 0)), name="side")]
-    >>> figure = sc.plot_joints(sc.ContactSolver(block, feet).solve())
+    >>> figure = sc.output.plot_joints(sc.ContactSolver(block, feet).solve())
     >>> [ax.get_title("right") for ax in figure.axes]
     ['foot', 'side']
     """

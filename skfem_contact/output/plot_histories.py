@@ -153,7 +153,7 @@ def plot_force(
     >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
     >>> steps = [{"x": {"block": {"top": (0, -s)}}} for s in (0.005, 0.01)]
     >>> results = list(sc.ContactSolver(block, foot).history(steps))
-    >>> ax = sc.plot_force(results, "block", "top")
+    >>> ax = sc.output.plot_force(results, "block", "top")
     >>> len(ax.get_lines()[0].get_xdata())
     2
     """

@@ -187,9 +187,9 @@ def nodal_field(result: ContactResult, body: Member | str, field: str) -> Array:
     >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
     >>> foot = sc.Contact(billet.surface("bottom"), floor)
     >>> result = sc.ContactSolver(billet, foot).solve(x={"billet": {"top": (0.0, -0.01)}})
-    >>> bool(sc.nodal_field(result, billet, "equivalent_plastic_strain").max() > 0.005)
+    >>> bool(sc.output.nodal_field(result, billet, "equivalent_plastic_strain").max() > 0.005)
     True
-    >>> sc.nodal_field(result, billet, "plastic_strain").shape
+    >>> sc.output.nodal_field(result, billet, "plastic_strain").shape
     (25, 3, 3)
     """
     check_kind(result, ContactResult, "result", "what a solver returns")

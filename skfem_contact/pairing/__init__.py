@@ -19,8 +19,9 @@
 
 from skfem_contact.entrances import entrances
 
-__getattr__ = entrances(
+__getattr__, __dir__ = entrances(
     __name__,
+    (),
     {
         "clipping": "Polygons clip nearest_parts several_sheets signed_areas",
         "closest": "closest_facets",

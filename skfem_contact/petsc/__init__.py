@@ -3,7 +3,7 @@
 Nothing else imports it; it plugs in as a backend (skfem_contact/linalg/backend.py), and bodies have its
 stiffness as one that is held elsewhere (skfem_contact/bodies/remote.py).
 
-* `backend`: what users choose, ``sc.PETSc``;
+* `backend`: what users choose, ``sc.petsc.PETSc``;
 * `ranks`: rank 0 runs the script, the others serve it;
 * `layout`: which rows each rank holds;
 * `assembly`: bodies assembled rank by rank, of pieces of their meshes; `stiffness`: the rows of one;
@@ -13,12 +13,21 @@ stiffness as one that is held elsewhere (skfem_contact/bodies/remote.py).
 * `condensation`: a body condensed over all ranks.
 """
 
+from typing import TYPE_CHECKING
+
 from skfem_contact.entrances import entrances
 
-__getattr__ = entrances(
+if TYPE_CHECKING:
+    from skfem_contact.petsc.backend import PETSc as PETSc
+
+__all__ = ["PETSc"]
+
+__getattr__, __dir__ = entrances(
     __name__,
+    __all__,
     {
         "assembly": "assembled collected numbering",
+        "backend": "PETSc",
         "layout": "Layout bisected directions orthonormal together",
         "ranks": "csr_of",
         "share": "Share command_line",

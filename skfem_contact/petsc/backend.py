@@ -83,7 +83,7 @@ class PETSc(Backend):
     --------
     At the top of a script that ``mpirun -n 4`` starts::
 
-        linear = sc.PETSc()
+        linear = sc.petsc.PETSc()
         ...
         result = sc.ContactSolver(bodies, contacts, linear=linear).solve()
         print(linear.solves[-1].iterations)
@@ -92,9 +92,9 @@ class PETSc(Backend):
 
     >>> import skfem_contact as sc
     >>> try:
-    ...     linear = sc.PETSc(tol=1e-9)
-    ... except sc.InputError as error:  # says how to install it
-    ...     linear = sc.AMG(tol=1e-9)
+    ...     linear = sc.petsc.PETSc(tol=1e-9)
+    ... except sc.errors.InputError as error:  # says how to install it
+    ...     linear = sc.linalg.AMG(tol=1e-9)
     >>> linear.tol
     1e-09
     """
@@ -172,7 +172,7 @@ class PETSc(Backend):
                 return linear_elasticity().assemble(basis)
 
 
-            linear = sc.PETSc()
+            linear = sc.petsc.PETSc()
             basis = linear.numbering(mesh, ELEMENT)
             body = sc.Body(basis, linear.assemble(stiffness, basis), D="bottom")
         """

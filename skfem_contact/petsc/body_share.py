@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.linalg.backend import LinearSolveError
+from skfem_contact.errors import LinearSolveError
 from skfem_contact.petsc.share import AGAIN, Database, Settings, Share, Solved, entries
 
 Array = NDArray[np.float64]

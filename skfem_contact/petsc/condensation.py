@@ -29,14 +29,9 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.member import Member
 from skfem_contact.digits import GIVEN
-from skfem_contact.linalg.backend import LinearSolveError
+from skfem_contact.errors import LinearSolveError, SingularMatrix
 from skfem_contact.linalg.dense_factors import mirror, symmetrise
-from skfem_contact.linalg.singular import (
-    NotPositiveDefinite,
-    SingularMatrix,
-    singular,
-    smallest_eigenvalue,
-)
+from skfem_contact.linalg.singular import NotPositiveDefinite, singular, smallest_eigenvalue
 from skfem_contact.linalg.thresholds import ACCEPTED, NEGLIGIBLE
 from skfem_contact.petsc.body_share import COLUMNS_AT_ONCE, BodyShare
 from skfem_contact.petsc.layout import Layout

@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.errors import InputError, warn
-from skfem_contact.linalg.backend import LinearSolveError
+from skfem_contact.errors import InputError, LinearSolveError, warn
 from skfem_contact.petsc.body_share import BodyShare
 from skfem_contact.petsc.share import Database, Settings, Share, Solved, command_line
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.linalg.backend import LinearSolveError
+from skfem_contact.errors import LinearSolveError
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]

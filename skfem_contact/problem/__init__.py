@@ -16,8 +16,9 @@
 
 from skfem_contact.entrances import entrances
 
-__getattr__ = entrances(
+__getattr__, __dir__ = entrances(
     __name__,
+    (),
     {
         "choice": "Choice",
         "condensed": "Condensed PointProblem delassus_compliance",

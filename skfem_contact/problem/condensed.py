@@ -35,8 +35,8 @@ from scipy.sparse import csr_matrix, diags
 from skfem_contact.arrays import block_diagonal
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import columns_of, stacked_rows, with_columns
+from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import blocks, symmetrise
-from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.problem import thresholds
 from skfem_contact.problem.points import PointSpace, on_rows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source

@@ -32,9 +32,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.digits import SOLVED
+from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import lu
 from skfem_contact.linalg.krylov import Iterated, gmres
-from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.problem.points import on_rows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, friction_force
 from skfem_contact.problem.seam import OnContactDofs, PosedOn

@@ -23,12 +23,11 @@ from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.rigid_modes import largest
 from skfem_contact.bodies.system import System, slices
-from skfem_contact.errors import InputError
+from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.linalg.backend import Backend, BodyFactor
 from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
-from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.linalg.thresholds import NO_PIVOT
 from skfem_contact.once import Lock, once
 from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS, SAME_LOAD

@@ -24,6 +24,7 @@ from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import splu
 
+from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import (
     DenseFactors,
     blocks,
@@ -32,7 +33,6 @@ from skfem_contact.linalg.dense_factors import (
     lu,
     symmetrise,
 )
-from skfem_contact.linalg.singular import SingularMatrix
 from skfem_contact.once import once
 from skfem_contact.problem import thresholds
 from skfem_contact.problem.points import NO_ROW, Duals, PointSpace

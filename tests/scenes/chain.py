@@ -40,5 +40,5 @@ assert abs(sum(result[f"foot {i}"].force[1] for i in range(3)) - 3 * weight) < 1
 try:
     solver.solve(f=pulled(1.01 * 3 * mu * weight))
     raise AssertionError("more than all friction was carried")
-except sc.NoEquilibrium as error:
+except sc.errors.NoEquilibrium as error:
     print(error)

@@ -10,7 +10,7 @@ import skfem_contact as sc
 
 
 @dataclass(frozen=True, eq=False)
-class Falling(sc.FrictionLaw):
+class Falling(sc.conditions.FrictionLaw):
     start: float = 0.5
     end: float = 0.3
     length: float = 0.02

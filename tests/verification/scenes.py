@@ -156,7 +156,7 @@ def in_axes(values: Any, pose: Pose) -> dict[str, np.ndarray]:
 
 
 def contact_of(
-    secondary: sc.ContactSurface, primary: Any, *, swap: bool = False, **settings: Any
+    secondary: sc.bodies.ContactSurface, primary: Any, *, swap: bool = False, **settings: Any
 ) -> sc.Contact:
     """A contact, or the same with the two sides exchanged."""
     pair = (primary, secondary) if swap else (secondary, primary)

@@ -46,7 +46,7 @@ class Blocks:
 
     h: float
     gap: Callable[[np.ndarray], np.ndarray]
-    law: sc.FrictionLaw | None = None
+    law: sc.conditions.FrictionLaw | None = None
     fine: float = 1.5
     fine_depth: float | None = None
     H: float = 20.0
@@ -124,7 +124,7 @@ class Blocks:
         """Opposite uniform shear on the two bases, resultant `Q` on the upper one."""
         return opposite_shear(self.bodies, Q)
 
-    def press(self, P: float, a: float) -> tuple[sc.ContactResult, float]:
+    def press(self, P: float, a: float) -> tuple[sc.answers.ContactResult, float]:
         """The state under the normal load `P`, and how far the base had to be lowered for it."""
 
         def excess(d: float) -> float:

@@ -121,7 +121,7 @@ def test_loads_by_name_are_no_multiple_of_a_number_before():
     floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
     contact = sc.Contact(body.surface("bottom"), floor, friction=sc.Coulomb(0.3))
     steps = [0.5, {"f": {"block": 0.8}}, {"motion": {"floor": (0.0, 0.1)}}, "no step"]
-    with pytest.raises(sc.InputError) as failure:
+    with pytest.raises(sc.errors.InputError) as failure:
         for _ in sc.ContactSolver([body], [contact]).history(steps):
             pass  # nobody keeps them
     results = failure.value.results
@@ -138,7 +138,7 @@ def test_nothing_is_lost_when_a_step_fails():
     lift = {"f": {"block": -1.0}}
     steps = [{"x": {"block": 0.1}}, {"x": {"block": 0.2}}, lift, {"x": {"block": 0.4}}]
     kept = []
-    with pytest.raises((sc.NoEquilibrium, sc.NotConverged)) as failure:
+    with pytest.raises((sc.errors.NoEquilibrium, sc.errors.NotConverged)) as failure:
         for result in solver.history(steps):
             kept.append(result)
     assert len(kept) == 2
@@ -152,14 +152,14 @@ def test_wrong_files_are_refused(tmp_path):
     solver = roller()
     *_, last = solver.history(STEPS[:1])
     path = solver.save_state(tmp_path / "state.npz", last)
-    with pytest.raises(sc.InputError, match="a state of 252 DOFs, 21 contact points"):
+    with pytest.raises(sc.errors.InputError, match="a state of 252 DOFs, 21 contact points"):
         dragged_block(rigid=True).save_state(tmp_path / "none.npz", last)
-    with pytest.raises(sc.InputError, match="a state of 252 DOFs, 21 contact points"):
+    with pytest.raises(sc.errors.InputError, match="a state of 252 DOFs, 21 contact points"):
         dragged_block(rigid=True).load_state(path)
     np.savez(tmp_path / "other.npz", a=1)
-    with pytest.raises(sc.InputError, match="save_state"):
+    with pytest.raises(sc.errors.InputError, match="save_state"):
         roller().load_state(tmp_path / "other.npz")
-    with pytest.raises(sc.InputError, match="no file"):
+    with pytest.raises(sc.errors.InputError, match="no file"):
         roller().load_state(tmp_path / "none.npz")
 
 
@@ -267,12 +267,12 @@ def test_states_of_other_meshes_are_refused(tmp_path, other):
     path = here.save_state(tmp_path / "state", result)
     solver = on_a_plane(**settings)
     assert solver.system.n == result.system.n and solver.kin.m == answer_of(result).kin.m
-    with pytest.raises(sc.InputError, match=words):
+    with pytest.raises(sc.errors.InputError, match=words):
         solver.load_state(path)
     for what in ("start", "guess"):
-        with pytest.raises(sc.InputError, match=words):
+        with pytest.raises(sc.errors.InputError, match=words):
             solver.solve(**{what: result})
-    with pytest.raises(sc.InputError, match=words):
+    with pytest.raises(sc.errors.InputError, match=words):
         next(solver.history([1.0], start=result))
 
 
@@ -372,9 +372,9 @@ def test_states_that_did_not_converge_are_no_history(tmp_path):
     loaded = solver.load_state(path)
     assert not loaded.converged and loaded.message == broken.message
     for state in (broken, loaded):
-        with pytest.raises(sc.InputError, match=r"start did not converge .*guess"):
+        with pytest.raises(sc.errors.InputError, match=r"start did not converge .*guess"):
             solver.solve(start=state)
-        with pytest.raises(sc.InputError, match="start did not converge"):
+        with pytest.raises(sc.errors.InputError, match="start did not converge"):
             next(solver.history([1.0], start=state))
         guessed = solver.solve(guess=state)
         assert_allclose(guessed["on block 0"].forces, whole["on block 0"].forces, atol=1e-13)
@@ -396,21 +396,21 @@ def test_damaged_files_are_refused_in_words(tmp_path):
     for name, damaged in files.items():
         wrong = tmp_path / f"{name}.npz"
         wrong.write_bytes(damaged)
-        with pytest.raises(sc.InputError, match="can not be read as a state") as caught:
+        with pytest.raises(sc.errors.InputError, match="can not be read as a state") as caught:
             solver.load_state(wrong)
         assert "allow_pickle" not in str(caught.value)  # NumPy's way to read garbage all the same
     assert solver.load_state(tmp_path / "state").converged  # the name that save_state takes
     np.save(tmp_path / "array.npy", np.zeros(3))
-    with pytest.raises(sc.InputError, match="a single array"):
+    with pytest.raises(sc.errors.InputError, match="a single array"):
         solver.load_state(tmp_path / "array.npy")
     with np.load(path) as file:
         data = dict(file)
     np.savez(tmp_path / "old.npz", **{**data, "format": 4})
-    with pytest.raises(sc.InputError, match="has format 4, this version reads 7"):
+    with pytest.raises(sc.errors.InputError, match="has format 4, this version reads 7"):
         solver.load_state(tmp_path / "old.npz")
     del data["state_slip"]
     np.savez(tmp_path / "part.npz", **data)
-    with pytest.raises(sc.InputError, match=r"can not be read as a state .*state_slip"):
+    with pytest.raises(sc.errors.InputError, match=r"can not be read as a state .*state_slip"):
         solver.load_state(tmp_path / "part.npz")
 
 
@@ -418,7 +418,7 @@ def test_states_are_saved_whole_or_not_at_all(tmp_path, monkeypatch):
     """A missing folder is named; a disk that is full leaves the old file and nothing else."""
     solver = on_a_plane()
     result = solver.solve()
-    with pytest.raises(sc.InputError, match=r"there is no folder .*mkdir"):
+    with pytest.raises(sc.errors.InputError, match=r"there is no folder .*mkdir"):
         solver.save_state(tmp_path / "none" / "state", result)
     path = solver.save_state(tmp_path / "state", result)
     content = path.read_bytes()
@@ -428,7 +428,7 @@ def test_states_are_saved_whole_or_not_at_all(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(np, "savez", full)
-    with pytest.raises(sc.InputError, match=r"could not be written .*No space left"):
+    with pytest.raises(sc.errors.InputError, match=r"could not be written .*No space left"):
         solver.save_state(path, result)
     assert path.read_bytes() == content and list(tmp_path.iterdir()) == [path]
 
@@ -465,7 +465,7 @@ def test_any_end_of_a_history_keeps_its_results(wrong):
         yield wrong
 
     kept = []
-    with pytest.raises((sc.InputError, KeyboardInterrupt, ZeroDivisionError)) as failure:
+    with pytest.raises((sc.errors.InputError, KeyboardInterrupt, ZeroDivisionError)) as failure:
         for result in solver.history(steps()):
             kept.append(str(result.certificate))
             del result

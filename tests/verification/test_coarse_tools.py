@@ -168,7 +168,7 @@ SHAPES = {
     "wedge": lambda hollow: sc.RigidPolyline(
         [(-5, 5), (-1, 0), (1, 0), (5, 5)], closed=True, hollow=hollow, name="tool"
     ),
-    "level set": lambda hollow: sc.LevelSet(
+    "level set": lambda hollow: sc.obstacles.LevelSet(
         lambda x: (1 - 2 * hollow) * (np.hypot(x[0], x[1] - 2.0) - 2.0), name="tool"
     ),
 }

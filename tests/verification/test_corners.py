@@ -164,7 +164,7 @@ def test_flat_tracks_and_rounded_tools_are_silent():
     assert not any(answer_of(r).diagnostics.intrusions for r in results)
 
 
-class Weakening(sc.FrictionLaw):
+class Weakening(sc.conditions.FrictionLaw):
     """A coefficient that falls from 0.4 to 0.2 while a point slips by 0.1."""
 
     def limit(self, normal_force, area, slip):
@@ -215,7 +215,7 @@ def test_a_square_led_round_a_corner_is_refused_by_name(method):
         r"point \d+ of contact 'c', now at \(.*\), (slid|meets another partner) .*sharp corners.*"
         r"Round the corners .* behind the corner; the last state is in `.result`"
     )
-    with pytest.raises(sc.NotConverged, match=words) as caught:
+    with pytest.raises(sc.errors.NotConverged, match=words) as caught:
         list(solver.history(places))
     # at the corner, in the middle of the way round it, and what came before is not lost
     assert len(caught.value.results) > 6
@@ -231,6 +231,6 @@ def test_refusals_without_corners_blame_none():
     options = sc.Options(tolerance=0.0, placement_tolerance=0.0, max_placements=2, max_cuts=0)
     solver = sc.ContactSolver(disc, contact, options=options)
     step = {"x": {"disc": placed(tool, disc.D, HOME - [0.0, 0.04])}}
-    with pytest.raises(sc.NotConverged, match=r"point \d+ of contact 'c', now at ") as caught:
+    with pytest.raises(sc.errors.NotConverged, match=r"point \d+ of contact 'c', now at ") as caught:
         list(solver.history([step]))
     assert "corners" not in str(caught.value)

@@ -178,7 +178,7 @@ def test_random_stacks_never_gain_energy():
     """Random stacks of two and three bodies, loaded, reversed and released: no step below zero."""
     lost, missed = [], []
     for seed in range(5):
-        with contextlib.suppress(sc.NoEquilibrium, sc.NotConverged):
+        with contextlib.suppress(sc.errors.NoEquilibrium, sc.errors.NotConverged):
             for result in random_stack(seed):
                 lost.append(result.dissipation)
                 missed.append(result.energy_residual)

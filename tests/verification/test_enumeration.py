@@ -59,7 +59,7 @@ def tally(loop: str, G: float, first: int, count: int, most: int = 4, floating: 
             out.several += len(known) > 1
             try:
                 result = solver.solve(f, x, start=start)
-            except (sc.NotConverged, sc.NoEquilibrium) as error:
+            except (sc.errors.NotConverged, sc.errors.NoEquilibrium) as error:
                 # a loop that may fail has to say so, and hand over its last state
                 assert error.result is None or not error.result.converged
                 (out.not_found if known else out.refused).append(name)

@@ -113,7 +113,9 @@ def test_X5_raous_block_with_large_friction(mu, refused):
     contact = sc.Contact(body.surface("bottom"), FLOOR, friction=sc.Coulomb(mu))
     solver = sc.ContactSolver(body, contact, options=sc.Options(max_cuts=0))
     if mu > 1e5:
-        with refused(sc.NotConverged, match="a large coefficient of friction", either=True) as seen:
+        with refused(
+            sc.errors.NotConverged, match="a large coefficient of friction", either=True
+        ) as seen:
             result = solver.solve()
         if seen.happened:
             return
@@ -185,7 +187,9 @@ def test_X10_resultants_of_very_different_facets(n, method):
 def test_X14_all_points_slip_and_nothing_holds(refused):
     """A block that friction alone could hold, pushed so that all points slip, is refused."""
     solver = block_on_floor(None, f=(2e-4, -1e-3), friction=sc.Coulomb(0.1))
-    with refused(sc.NoEquilibrium, match=r"'block' is free to move: translation along x.*friction"):
+    with refused(
+        sc.errors.NoEquilibrium, match=r"'block' is free to move: translation along x.*friction"
+    ):
         solver.solve()
 
 
@@ -328,11 +332,11 @@ def test_redundant_two_passes(shift, method, linear, refused, monkeypatch):
         sc.Contact(b, a, friction=sc.Coulomb(0.3), method=method, name="back"),
     ]
     options = sc.Options(max_cuts=0)  # a smaller step is as undetermined
-    with pytest.raises(sc.InputError, match="pair the same facets, the one from one side"):
+    with pytest.raises(sc.errors.InputError, match="pair the same facets, the one from one side"):
         sc.ContactSolver(bodies, contacts, linear=LINEAR[linear], options=options)
     internals.replace(monkeypatch, "conditions.check_passes", lambda *_: None)
     solver = sc.ContactSolver(bodies, contacts, linear=LINEAR[linear], options=options)
-    with refused(sc.NotConverged, match="points still change", either=True) as seen:
+    with refused(sc.errors.NotConverged, match="points still change", either=True) as seen:
         result = solver.solve()
     if seen.happened:
         return
@@ -362,7 +366,7 @@ def test_redundant_contradiction_is_named(refused):
         sc.Contact(body.surface("bottom"), floor, tied=True, gap=gap, name=floor.name)
         for floor, gap in ((FLOOR, 0.0), (plane, 0.01))
     ]
-    with refused(sc.ConstraintError, match=r"contradict each other: .*cellar asks for .*floor"):
+    with refused(sc.errors.ConstraintError, match=r"contradict each other: .*cellar asks for .*floor"):
         sc.ContactSolver(body, contacts).solve()
 
 

@@ -173,7 +173,7 @@ def test_S10_nothing_to_touch(method, refused):
     one = elastic(cube("quad4", 1), "quad4", "one", held=((at(2, 1.0), (0, 1, 2)),))
     place = np.array([[5.0], [0.0], [-1.0]])
     other = elastic(cube("quad4", 1, lambda x: x + place), "quad4", "other")
-    with refused(sc.InputError, match="points of surface 'one/"):
+    with refused(sc.errors.InputError, match="points of surface 'one/"):
         sc.ContactSolver(
             [one, other], sc.Contact(one.surface(at(2, 0.0)), other.surface(at(2, 0.0)), method=method)
         )
@@ -185,5 +185,5 @@ def test_S10_elements_turned_inside_out(refused):
     p = mesh.p.copy()
     p[:, np.flatnonzero(np.all(p == 0.0, axis=0))] = 0.9
     basis = fem.Basis(fem.MeshHex(p, mesh.t), fem.ElementVector(fem.ElementHex1()), intorder=2)
-    with refused(sc.InputError, match="fold over"):
+    with refused(sc.errors.InputError, match="fold over"):
         sc.Body(basis, np.eye(basis.N), name="cube").surface(None)

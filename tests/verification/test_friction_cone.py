@@ -171,7 +171,7 @@ def test_all_loops_find_the_same(scene):
     np.testing.assert_allclose(state.tangential_force, back, rtol=0, atol=1e-9 * bound.max())
 
 
-class Hardening(sc.FrictionLaw):
+class Hardening(sc.conditions.FrictionLaw):
     """A user's law: the coefficient grows with the size of the slip, from .2 to .5."""
 
     def limit(self, normal_force, area, slip):
@@ -179,21 +179,21 @@ class Hardening(sc.FrictionLaw):
         return (0.2 + 0.3 * moved / (moved + 2e-3)) * normal_force
 
 
-class Stiffening(sc.FrictionLaw):
+class Stiffening(sc.conditions.FrictionLaw):
     """A strength that grows with the size of the slip, whatever presses: springs are not symmetric."""
 
     def limit(self, normal_force, area, slip):
         return (1e-3 + 3.0 * np.linalg.norm(slip, axis=1)) * area
 
 
-class Weakening(sc.FrictionLaw):
+class Weakening(sc.conditions.FrictionLaw):
     """The coefficient falls with the size of the slip, from .5 to .3."""
 
     def limit(self, normal_force, area, slip):
         return (0.3 + 0.2 * np.exp(-np.linalg.norm(slip, axis=1) / 3e-3)) * normal_force
 
 
-class Rooted(sc.FrictionLaw):
+class Rooted(sc.conditions.FrictionLaw):
     """Not linear in the normal force, with a return map of its own in closed form."""
 
     def limit(self, normal_force, area, slip):

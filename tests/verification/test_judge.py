@@ -211,7 +211,7 @@ def test_a_refusal_after_an_indifferent_place_is_no_difference(monkeypatch):
     for warned, words in ((said, "several answers are reported"), ((), "differ")):
         one = replace(first.answers[0], warned=warned)
         there = replace(one, u={**one.u, "upper": one.u["upper"] + 1e-3})
-        second = bench.Run([there], sc.NotConverged("no progress"))
+        second = bench.Run([there], sc.errors.NotConverged("no progress"))
         monkeypatch.setattr(bench, "run", lambda *_, second=second, **__: second)
         given = replace(first, answers=[one, *first.answers[1:]])
         assert bench.compare_orders(court, given).startswith(words)
@@ -230,7 +230,7 @@ def test_a_refusal_is_held_against_statics():
     """A block that rests, and one that is pushed harder than friction holds."""
     truth = blocks("mortar")
     court = Court(truth, make(truth))
-    refused = bench.Run([], sc.NoEquilibrium("free to move"))
+    refused = bench.Run([], sc.errors.NoEquilibrium("free to move"))
     for push, kind in ((0.25, "refused though feasible"), (0.35, "refused with reason")):
         press = Drive("f", "upper", "top", (0.0, -STRAIN), (push * STRAIN, 0.0))
         court.scene = replace(truth, drives=(press,), steps=((1.0, 1.0),))
@@ -330,7 +330,7 @@ def test_refusals_are_alike_whatever_they_are_called(monkeypatch):
     truth = blocks("mortar")
     court = Court(truth, make(truth))
     answers = bench.run(truth, court.made).answers
-    none, stuck = sc.NoEquilibrium("free to move"), sc.NotConverged("no progress")
+    none, stuck = sc.errors.NoEquilibrium("free to move"), sc.errors.NotConverged("no progress")
     for error, words in ((stuck, "agree"), (ValueError("shapes"), "differ"), (None, "differ")):
         second = bench.Run(answers[:2], error)
         monkeypatch.setattr(bench, "run", lambda *_, second=second, **__: second)

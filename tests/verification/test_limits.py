@@ -58,7 +58,7 @@ def test_a_refused_load_is_told_its_share(starts):
     below that it is answered, just above refused."""
     solver, start, pull = squeezed(3)
     starts.clear()
-    with pytest.raises(sc.NotConverged, match="move on without carrying more") as refused:
+    with pytest.raises(sc.errors.NotConverged, match="move on without carrying more") as refused:
         solver.solve(f=1.05 * pull, start=start)
     assert starts == ["warm", "pulled"]
     limit = told(refused.value) * 1.05
@@ -66,7 +66,7 @@ def test_a_refused_load_is_told_its_share(starts):
     below = solver.solve(f=(limit - 2e-4) * pull, start=start)
     assert below.converged and below.certificate.worst < 1e-9
     assert all((below[side].status == 2).all() for side in ("low", "high"))
-    with pytest.raises(sc.NotConverged):
+    with pytest.raises(sc.errors.NotConverged):
         solver.solve(f=(limit + 5e-4) * pull, start=start)
 
 
@@ -74,7 +74,7 @@ def test_what_is_carried_is_a_share_of_the_step():
     """Told from a state that carries half of the limit already, the share is that of the rest."""
     solver, start, pull = squeezed(3)
     start = solver.solve(f=0.5 * pull, start=start)
-    with pytest.raises(sc.NotConverged) as refused:
+    with pytest.raises(sc.errors.NotConverged) as refused:
         solver.solve(f=1.5 * pull, start=start)
     assert 0.5 + told(refused.value) == pytest.approx(0.9529, abs=1e-3)
 
@@ -130,7 +130,7 @@ def test_a_slope_carries_its_share_in_the_plane(angle, method):
     if np.tan(angle) < mu:
         assert solver.solve(**heavy).converged
         return
-    with pytest.raises(sc.NoEquilibrium, match="move on without carrying more") as refused:
+    with pytest.raises(sc.errors.NoEquilibrium, match="move on without carrying more") as refused:
         solver.solve(**heavy)
     share = mu / (np.sin(angle) + mu * (1 - np.cos(angle)))
     assert told(refused.value) == pytest.approx(share, abs=2e-4)
@@ -151,7 +151,7 @@ def test_plates_carry_their_share_in_the_plane(factor):
     ]
     solver = sc.ContactSolver([block, plate], contacts)
     start = solver.solve()
-    with pytest.raises(sc.NoEquilibrium, match="move on without carrying more") as refused:
+    with pytest.raises(sc.errors.NoEquilibrium, match="move on without carrying more") as refused:
         solver.solve(f={"block": uniform(block, factor * 2 * mu * N, 0.0)}, start=start)
     assert factor * told(refused.value) == pytest.approx(1.0, abs=3e-4)
     assert solver.solve(f={"block": uniform(block, 0.999 * 2 * mu * N, 0.0)}, start=start).converged
@@ -164,7 +164,7 @@ def test_a_load_at_the_bound_is_decided_at_once(share, starts):
     try:
         result = solver.solve(f={"block": load})
         assert result.certificate.worst < 1e-9
-    except (sc.NotConverged, sc.NoEquilibrium) as error:
+    except (sc.errors.NotConverged, sc.errors.NoEquilibrium) as error:
         assert "carries up to" not in str(error)  # of the pressure alone nothing is left over
     assert len(starts) <= 11
 
@@ -172,7 +172,9 @@ def test_a_load_at_the_bound_is_decided_at_once(share, starts):
 def test_no_part_is_carried():
     """Pressed and pushed at once, beyond the bound however small the load: no part of it is carried."""
     solver, load = pushed(1.1)
-    with pytest.raises((sc.NotConverged, sc.NoEquilibrium), match=r"carries no part|no force at the"):
+    with pytest.raises(
+        (sc.errors.NotConverged, sc.errors.NoEquilibrium), match=r"carries no part|no force at the"
+    ):
         solver.solve(f={"block": load})
 
 
@@ -202,7 +204,7 @@ def test_shares_of_finer_meshes(n, share):
     """The share that a cube between plates carries, on 32 and 98 points, told at twice the load too."""
     solver, start, pull = squeezed(n)
     for factor in (1.0, 2.0):
-        with pytest.raises(sc.NotConverged) as refused:
+        with pytest.raises(sc.errors.NotConverged) as refused:
             solver.solve(f=factor * pull, start=start)
         assert factor * told(refused.value) == pytest.approx(share, abs=3e-4)
 

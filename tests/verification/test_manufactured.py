@@ -176,7 +176,7 @@ def test_M1_turned_and_renumbered(kind, pose):
 
 
 @pytest.mark.parametrize(
-    "settings", [{"loop": "direct"}, {"linear": sc.Direct()}], ids=["direct", "sparse"]
+    "settings", [{"loop": "direct"}, {"linear": sc.linalg.Direct()}], ids=["direct", "sparse"]
 )
 def test_M1_does_not_depend_on_the_algorithm(settings):
     """The paper's loop and the sparse route find the solution of the condensed Newton loop."""
@@ -197,7 +197,8 @@ def test_slip_that_is_prescribed_is_no_contradiction():
     floor = sc.RigidPlane((0, 0), (0, 1))
     contact = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.9))
     results = [
-        sc.ContactSolver([block], [contact], linear=linear).solve() for linear in ("auto", sc.Direct())
+        sc.ContactSolver([block], [contact], linear=linear).solve()
+        for linear in ("auto", sc.linalg.Direct())
     ]
     corner = np.argmin(results[0].points[:, 0])
     for result in results:

@@ -102,7 +102,9 @@ def test_a_bar_that_slides_out_holds_by_what_is_left():
         assert np.abs(result.gap[result.status > 0]).max() < 1e-9
 
 
-def strip(law: sc.FrictionLaw, pull: float, E: float = 1000.0, n: int = 200, **solver: Any) -> Any:
+def strip(
+    law: sc.conditions.FrictionLaw, pull: float, E: float = 1000.0, n: int = 200, **solver: Any
+) -> Any:
     """A bar of length 100 and thickness 1 with a bond on both faces, that only stretches along x.
 
     With the motion across prescribed, gaps and normal forces are no unknowns: only slips are left.
@@ -132,7 +134,7 @@ def test_the_slipping_length_of_a_bond_with_a_strength():
 
 
 @dataclass(frozen=True, eq=False)
-class BondSlip(sc.FrictionLaw):
+class BondSlip(sc.conditions.FrictionLaw):
     """Shear that grows with the slip up to a strength, whatever presses."""
 
     shear_stiffness: float = 2.0  # stress / length
@@ -143,7 +145,7 @@ class BondSlip(sc.FrictionLaw):
         return area * np.minimum(self.shear_stiffness * size, self.strength)
 
 
-@pytest.mark.parametrize("loop, linear", [("newton", "auto"), ("newton", sc.Direct())], ids=str)
+@pytest.mark.parametrize("loop, linear", [("newton", "auto"), ("newton", sc.linalg.Direct())], ids=str)
 def test_shear_lag_of_a_bond_that_gives(loop, linear):
     """``F = E A lambda pull tanh(lambda l)``, ``lambda^2 = k p / (E A)`` (Volkersen 1938).
 
@@ -175,7 +177,7 @@ def test_a_bond_of_given_strength_is_least_squares_with_bounds(method, loop):
     sides = upper.surface("bottom"), lower.surface("top")
     bond = sc.Contact(*sides, friction=law, separation=False, method=method)
     solver = sc.ContactSolver([lower, upper], bond, loop=loop)
-    system, kin = sc.stack([lower, upper]), solver.kin
+    system, kin = sc.bodies.stack([lower, upper]), solver.kin
     rng, seen = np.random.default_rng(3), set()
     for _ in range(3):
         load = np.zeros(upper.n)
@@ -223,7 +225,7 @@ def test_coulomb_counts_pressure_only(loop):
 
 
 @pytest.mark.parametrize(
-    "method, kind, linear", [("mortar", "quad4", "auto"), ("node", "tri3", sc.Direct())]
+    "method, kind, linear", [("mortar", "quad4", "auto"), ("node", "tri3", sc.linalg.Direct())]
 )
 def test_a_pulled_plate_slips_obliquely_at_its_strength(method, kind, linear):
     """Solids: dragged in any direction under tension, tau A against the slip; tension from statics."""
@@ -342,7 +344,7 @@ def test_a_hung_body_takes_its_weight_in_tension():
     assert "no separation, frictionless" in str(result)
     push = np.zeros(upper.n)
     push[upper.basis.get_dofs("top").all("u^1")] = 0.01
-    with pytest.raises(sc.NoEquilibrium, match="translation along x"):
+    with pytest.raises(sc.errors.NoEquilibrium, match="translation along x"):
         sc.ContactSolver([lower, upper], hung).solve(f={"upper": push})
 
 
@@ -357,7 +359,7 @@ def test_a_bond_that_its_load_exceeds_is_no_equilibrium():
     solver = sc.ContactSolver([lower, upper], bond)
     result = solver.solve(f={"upper": 0.79 * load})  # 0.02 times 2 is the strength of 0.04
     assert abs(result.force[0] + 0.79 * 0.05) < 1e-12
-    with pytest.raises(sc.NoEquilibrium):
+    with pytest.raises(sc.errors.NoEquilibrium):
         solver.solve(f={"upper": 0.81 * load})
 
 
@@ -369,22 +371,22 @@ def test_words():
     assert "no separation: gaps are zero, also in tension; friction Tresca" in str(
         sc.ContactSolver([lower, upper], bond)
     )
-    with pytest.raises(sc.InputError, match=r"separation=False, friction="):
+    with pytest.raises(sc.errors.InputError, match=r"separation=False, friction="):
         sc.Contact(*sides, friction=sc.Tresca(0.02), tied=True)
     with pytest.raises(TypeError, match="write separation=False"):
         sc.Contact(*sides, no_separation=True)
-    with pytest.raises(sc.InputError, match="separation"):
+    with pytest.raises(sc.errors.InputError, match="separation"):
         sc.Contact(*sides, separation="no")
     held = [
         sc.Body(b.basis, b.K, D=b.basis.get_dofs(), x=np.tile([0.0, v], b.n // 2), name=b.name)
         for b, v in ((lower, 0.0), (upper, 0.1))
     ]
     torn = sc.Contact(held[1].surface("bottom"), held[0].surface("top"), separation=False)
-    with pytest.raises(sc.ConstraintError, match="holds together 7 points"):
+    with pytest.raises(sc.errors.ConstraintError, match="holds together 7 points"):
         sc.ContactSolver(held, torn).solve()
 
 
-@pytest.mark.parametrize("linear", [sc.Direct(), "iterated"])
+@pytest.mark.parametrize("linear", [sc.linalg.Direct(), "iterated"])
 @pytest.mark.parametrize("separation", [True, False])
 def test_a_guide_that_is_pushed_along_has_no_equilibrium(linear, separation):
     """Nothing is to be decided where all points are guided; each way of solving says what is free."""
@@ -395,7 +397,7 @@ def test_a_guide_that_is_pushed_along_has_no_equilibrium(linear, separation):
     guide = sc.Contact(
         pad.surface("bottom"), track.surface("top"), separation=separation, sliding="finite"
     )
-    with pytest.raises(sc.NoEquilibrium, match="'pad' is free to move: translation along x"):
+    with pytest.raises(sc.errors.NoEquilibrium, match="'pad' is free to move: translation along x"):
         sc.ContactSolver([pad, track], guide, linear=linear).solve()
 
 
@@ -414,6 +416,6 @@ def test_glue_that_reaches_nothing_is_refused(sliding, kind):
         )
         return sc.ContactSolver([pad, track], glue)
 
-    with pytest.raises(sc.InputError, match="None of the 5 points"):
+    with pytest.raises(sc.errors.InputError, match="None of the 5 points"):
         glued(0.01)
     assert np.isfinite(glued(0.03).solve(x={"pad": {"top": (0, 0.01)}}).gap).all()

@@ -86,7 +86,7 @@ def test_bonded_rubber_pads_do_not_lock(kind, shape):
     """Gent and Lindley: E (1 + 2 S^2) of discs, 4/3 E (1 + S^2) of strips, 3 %."""
     radius = (2.0 if kind == "disc" else 1.0) * shape
     given = RADIUS if kind == "disc" else {}
-    rubber = sc.MooneyRivlin(0.3, 0.2, bulk=1e5)
+    rubber = sc.materials.MooneyRivlin(0.3, 0.2, bulk=1e5)
     young = 3 * rubber.shear
     expected = young * (1 + 2 * shape**2) if kind == "disc" else 4 / 3 * young * (1 + shape**2)
     area = np.pi * radius**2 if kind == "disc" else radius
@@ -111,7 +111,7 @@ def test_bonded_rubber_pads_do_not_lock(kind, shape):
 
 def test_bonded_rubber_block_of_hexahedra():
     """A strip as a solid in plane strain: the answer of quadrilaterals, to round-off."""
-    rubber = sc.MooneyRivlin(0.3, 0.2, bulk=1e3)
+    rubber = sc.materials.MooneyRivlin(0.3, 0.2, bulk=1e3)
     grid = np.linspace(0, 2.0, 9), np.linspace(0, 0.5, 5)
 
     def force(mesh, element, across):

@@ -122,7 +122,7 @@ def test_rubber_cylinder_between_plates(n: int, steps: int) -> None:
     metres the forces are 1 000 times smaller, and no other units come near.
     """
     C10, C01, nu = 0.293, 0.177, 0.4967
-    rubber = sc.MooneyRivlin(C10, C01, bulk=4 * (C10 + C01) * (1 + nu) / (3 * (1 - 2 * nu)))
+    rubber = sc.materials.MooneyRivlin(C10, C01, bulk=4 * (C10 + C01) * (1 + nu) / (3 * (1 - 2 * nu)))
     basis = fem.Basis(disc(0.2, n), QUAD, intorder=2)
     D = np.union1d(basis.get_dofs("left").all("u^1"), basis.get_dofs("bottom").all("u^2"))
     body = sc.NonlinearBody(basis, rubber, D=D, name="rubber")
@@ -137,11 +137,11 @@ def test_rubber_cylinder_between_plates(n: int, steps: int) -> None:
     assert_allclose(found, [250.0, 1400.0], rtol=0.05)
 
 
-def ironing(n: int) -> tuple[float, list[sc.ContactResult]]:
+def ironing(n: int) -> tuple[float, list[sc.answers.ContactResult]]:
     """Mean of horizontal over vertical force of a die on rubber, far from the ends."""
     grid = fem.MeshQuad.init_tensor(np.linspace(0, 3, 3 * n + 1), np.linspace(-1, 0, n + 1))
     basis = fem.Basis(grid.with_defaults(), QUAD, intorder=2)
-    slab = sc.NonlinearBody(basis, sc.NeoHooke.of(1.0, 0.3), D="bottom", name="slab")
+    slab = sc.NonlinearBody(basis, sc.materials.NeoHooke.of(1.0, 0.3), D="bottom", name="slab")
     angles = np.linspace(-np.pi, 0, 2 * n + 1)
     polar = fem.MeshQuad.init_tensor(np.linspace(0.5, 1, n // 2 + 1), angles).with_defaults()
     r, angle = polar.p
@@ -176,7 +176,7 @@ def test_a_fluid_presses_the_deformed_boundary() -> None:
         basis = fem.Basis(mesh, fem.ElementVector(element), intorder=4)
         x, y = basis.doflocs
         for given in ({}, {"measure": lambda x: 2 * np.pi * x[0]}):
-            body = sc.NonlinearBody(basis, sc.NeoHooke.of(1.0, 0.3), **given)
+            body = sc.NonlinearBody(basis, sc.materials.NeoHooke.of(1.0, 0.3), **given)
             u = np.where(body.dof_component == 0, 0.1 * y + 0.2 * y**2, 0.3 * x * y)
             f = body.pressed("right", 0.7, u)
             low = np.array([2.0, 0.0]), np.array([2.3, 1.6])
@@ -186,7 +186,7 @@ def test_a_fluid_presses_the_deformed_boundary() -> None:
                 assert f[body.dof_component == 0].sum() == pytest.approx(-0.7 * 1.6, rel=1e-12)
                 expected = 0.7 * (low[1][0] - low[0][0])
             assert f[body.dof_component == 1].sum() == pytest.approx(expected, rel=1e-12)
-    with pytest.raises(sc.InputError, match="did you mean 'right'"):
+    with pytest.raises(sc.errors.InputError, match="did you mean 'right'"):
         body.pressed("rihgt", 1.0)
 
 

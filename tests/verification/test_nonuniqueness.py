@@ -62,7 +62,9 @@ def load(solver: sc.ContactSolver, dofs: np.ndarray, f: tuple[float, float]) -> 
     return vector
 
 
-def law_holds(result: sc.ContactResult, dofs: np.ndarray, f: tuple[float, float], mu: float) -> bool:
+def law_holds(
+    result: sc.answers.ContactResult, dofs: np.ndarray, f: tuple[float, float], mu: float
+) -> bool:
     """Whether displacement and force of the node are one of the equilibria, found branch by branch."""
     u = result.u[dofs]
     r = result.forces.sum(axis=0)
@@ -219,7 +221,7 @@ def wedge(angle: float, mu: float, driven: bool) -> tuple[sc.ContactSolver, np.n
     return sc.ContactSolver(body, contacts), drive
 
 
-def axial(result: sc.ContactResult) -> float:
+def axial(result: sc.answers.ContactResult) -> float:
     """Force with which the flanks push the wedge out."""
     return float(sum(result[name].force[1] for name in ("left", "right")))
 
@@ -329,7 +331,7 @@ def test_n1_index_of_each_of_three_answers() -> None:
         state = replace(
             answer_of(result).state, status=status, tangential_force=tau, normal_force=force
         )
-        other = sc.ContactResult(replace(answer_of(result), state=state))
+        other = sc.answers.ContactResult(replace(answer_of(result), state=state))
         index.append(other.uniqueness.index)
         assert ("at least two other answers (the index of this one is -1)" in other.report()) == (
             status[node] == 2
@@ -362,7 +364,7 @@ def test_n1_friction_that_does_not_begin_at_zero_has_two_answers() -> None:
 def test_other_answers_are_not_looked_for_where_it_would_be_dear() -> None:
     """On the sparse route there is no matrix of gaps and slips: None, and nothing in the report."""
     solver, dofs = one_node(2.0)
-    sparse = sc.ContactSolver(solver.system.bodies, solver.contacts, linear=sc.Direct())
+    sparse = sc.ContactSolver(solver.system.bodies, solver.contacts, linear=sc.linalg.Direct())
     result = sparse.solve(load(solver, dofs, (-0.9, -1.0)))
     assert result.uniqueness is None and "answers" not in result.report()
 

@@ -109,7 +109,7 @@ def pushed_tool(mu, method, linear):
 @pytest.mark.parametrize("mu", [0.5, 0.8])
 def test_points_next_to_stuck_know_their_digits(mu, method):
     """Springs across friction that hardly gives: a tool moved by far more than they do."""
-    found = [pushed_tool(mu, method, linear).solve() for linear in ("auto", sc.Direct())]
+    found = [pushed_tool(mu, method, linear).solve() for linear in ("auto", sc.linalg.Direct())]
     first, other = (result.forces for result in found)
     assert_allclose(first, other, rtol=0, atol=1e-9 * np.abs(other).max())
     assert all(result.iterations < 40 for result in found)
@@ -181,7 +181,7 @@ def tractions(result):
     return np.concatenate(found)
 
 
-@pytest.mark.parametrize("linear", ["auto", sc.Direct()], ids=["auto", "direct"])
+@pytest.mark.parametrize("linear", ["auto", sc.linalg.Direct()], ids=["auto", "direct"])
 def test_a_block_in_a_corner_of_three_planes(linear):
     """Seven numberings and two orders of contacts: no refusal, and one answer."""
     first = tractions(corner(0.3, 0, (0, 1, 2)).solve())
@@ -233,7 +233,7 @@ def test_less_friction_is_not_had_by_pulling(mu):
     """Where points would pull, or others exceed their bound, forces stay those of the springs."""
     first = None
     for seed in range(3):
-        for linear in ("auto", sc.Direct()):
+        for linear in ("auto", sc.linalg.Direct()):
             result = corner(mu, seed, (2, 0, 1), linear, (0.05, 0.05, -1.0)).solve()
             size = max(values.normal_force.max() for values in result.values)
             for values in result.values:
@@ -276,7 +276,7 @@ def wedge(tool, method="node", sliding="small", mu=0.3, linear="auto"):
 
 
 @pytest.mark.parametrize("sliding", ["small", "finite"])
-@pytest.mark.parametrize("linear", ["auto", sc.Direct()], ids=["auto", "direct"])
+@pytest.mark.parametrize("linear", ["auto", sc.linalg.Direct()], ids=["auto", "direct"])
 def test_a_prescribed_end_face_that_touches_slips(linear, sliding):
     """Supports that contradict sticking make the point slip, whatever the tool is."""
     plane = wedge("plane", sliding=sliding, linear=linear).solve()
@@ -291,7 +291,7 @@ def test_a_prescribed_end_face_that_touches_slips(linear, sliding):
 
 
 @pytest.mark.parametrize("mu", [None, 0.3])
-@pytest.mark.parametrize("linear", ["auto", sc.Direct()], ids=["auto", "direct"])
+@pytest.mark.parametrize("linear", ["auto", sc.linalg.Direct()], ids=["auto", "direct"])
 def test_points_that_can_not_all_be_closed_are_named(linear, mu):
     """Nodes pushed into a groove deeper than there is room: forces would grow without end."""
     basis = judge._block(judge.Way(), np.linspace(0, 1, 5), np.linspace(0, 0.5, 4))
@@ -311,7 +311,9 @@ def test_points_that_can_not_all_be_closed_are_named(linear, mu):
         )
         for name, side in (("west", 1), ("east", -1))
     ]
-    with pytest.raises(sc.ConstraintError, match=r"contradict each other: point . of block/bottom on"):
+    with pytest.raises(
+        sc.errors.ConstraintError, match=r"contradict each other: point . of block/bottom on"
+    ):
         sc.ContactSolver(body, contacts, linear=linear).solve()
 
 
@@ -344,17 +346,17 @@ def test_a_node_between_a_wall_that_leans_and_the_floor_jams():
 
     result = solver(0.99 * most).solve()
     assert result.certificate.worst < 1e-9
-    with pytest.raises(sc.NotConverged, match="these grow without end") as error:
+    with pytest.raises(sc.errors.NotConverged, match="these grow without end") as error:
         solver(1.01 * most).solve()
     assert len(error.value.result.trace) < 400
 
 
-@pytest.mark.parametrize("linear", ["auto", sc.Direct()], ids=["auto", "direct"])
+@pytest.mark.parametrize("linear", ["auto", sc.linalg.Direct()], ids=["auto", "direct"])
 def test_points_seen_through_springs_hold_no_body(linear):
     """A block that its load pulls along two walls: springs do not hide that nothing holds it."""
     solver = corner(0.3, 0, (0, 1, 2), linear)
     body = solver.system.bodies[0]
-    with pytest.raises(sc.NoEquilibrium):
+    with pytest.raises(sc.errors.NoEquilibrium):
         solver.with_load("block", -np.asarray(body.f)).solve()
 
 

@@ -66,8 +66,8 @@ def top(body, half_width):
 ROUND = {
     "cylinder": sc.RigidCylinder((0, R), R, name="punch"),
     "sphere": sc.RigidSphere((0, R), R, name="punch"),
-    "level set": sc.LevelSet(lambda x: x[0] ** 2 + (x[1] - R) ** 2 - R**2, name="punch"),
-    "distance": sc.LevelSet(
+    "level set": sc.obstacles.LevelSet(lambda x: x[0] ** 2 + (x[1] - R) ** 2 - R**2, name="punch"),
+    "distance": sc.obstacles.LevelSet(
         lambda x: np.hypot(x[0], x[1] - R) - R,
         lambda x: np.array([x[0], x[1] - R]) / np.hypot(x[0], x[1] - R),
         name="punch",
@@ -173,7 +173,7 @@ def test_H2_VM63(shape):
     body = sc.Body(basis, K, area * F / area.sum(), D=axis, measure=per_turn, name="block")
     ball = {
         "sphere": sc.RigidSphere((0, 8.0), 8.0),
-        "paraboloid": sc.LevelSet(lambda x: x[0] ** 2 / 16 - x[1]),
+        "paraboloid": sc.obstacles.LevelSet(lambda x: x[0] ** 2 / 16 - x[1]),
     }[shape]
     result = sc.ContactSolver([body], [sc.Contact(top(body, 3.0), ball)]).solve()
     exact = hertz_point(F, 8.0, effective_modulus(1000.0, 0.3))

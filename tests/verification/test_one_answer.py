@@ -12,8 +12,8 @@ import skfem_contact as sc
 
 BACKENDS = {
     "condensed": lambda: "condensed",
-    "Direct": sc.Direct,
-    "AMG": lambda: sc.AMG(tol=1e-13),
+    "Direct": sc.linalg.Direct,
+    "AMG": lambda: sc.linalg.AMG(tol=1e-13),
     "scikit-fem": fem.solver_direct_scipy,
 }
 

@@ -55,7 +55,7 @@ class Grooved(Sheared):
 
     def __init__(self, mu, grain, kind="quad4"):
         super().__init__(kind, 0.0)
-        self.law = sc.OrthotropicCoulomb(mu, grain)
+        self.law = sc.conditions.OrthotropicCoulomb(mu, grain)
 
     def solver(self, **settings):
         contact = sc.Contact(self.foot, FLOOR, friction=self.law, name="joint")
@@ -141,7 +141,7 @@ def test_torque_of_a_turning_ring(loop):
     D = [top.all(["u^1"]), top.all(["u^2"])]
     form = linear_elasticity(*lame_parameters(1.0, 0.0))
     body = sc.Body(basis, form, load, D=np.concatenate(D), name="foot")
-    law = sc.OrthotropicCoulomb(mu, along(25))
+    law = sc.conditions.OrthotropicCoulomb(mu, along(25))
     contact = sc.Contact(body.surface(at(2, 0.0)), FLOOR, friction=law, name="joint")
     x = np.zeros(basis.N)
     x[D[0]], x[D[1]] = -1e-2 * basis.doflocs[1, D[0]], 1e-2 * basis.doflocs[0, D[1]]
@@ -178,14 +178,14 @@ def pushed_block(law, loop="newton"):
 @pytest.mark.parametrize("angle", [35.0, *(pytest.param(a, marks=SLOW) for a in (0.0, 90.0, 130.0))])
 def test_a_released_block_slides_at_the_ellipse(angle):
     """Pushed in any direction it holds up to the ellipse in that direction, and no further."""
-    law, way = sc.OrthotropicCoulomb((0.4, 0.2), along(20)), along(angle)
+    law, way = sc.conditions.OrthotropicCoulomb((0.4, 0.2), along(20)), along(angle)
     most = 1 / np.sqrt(way @ np.linalg.pinv(squares((0.4, 0.2), along(20))) @ way)
     solver, load = pushed_block(law)
     pressed = solver.solve(f=load(0.0, 0.0))
     held = solver.solve(f=load(*0.98 * most * way[:2]), start=pressed)
     np.testing.assert_allclose(held.force[:2], -0.98e-3 * most * way[:2], rtol=0, atol=1e-12)
     assert held.certificate.worst < 1e-9
-    with pytest.raises(sc.NoEquilibrium, match="no force at the contact points can stop"):
+    with pytest.raises(sc.errors.NoEquilibrium, match="no force at the contact points can stop"):
         solver.solve(f=load(*1.02 * most * way[:2]), start=pressed)
 
 
@@ -266,8 +266,8 @@ WAYS = {
     "mortar": {},
     "node": {"method": "node"},
     "iterated": {"linear": "iterated"},
-    "sparse": {"linear": sc.Direct()},
-    "multigrid": {"linear": sc.AMG(tol=1e-12)},
+    "sparse": {"linear": sc.linalg.Direct()},
+    "multigrid": {"linear": sc.linalg.AMG(tol=1e-12)},
     "finite": {"sliding": "finite"},
     "finite by node": {"sliding": "finite", "method": "node"},
 }
@@ -279,14 +279,14 @@ WAYS = {
 def test_the_judge_agrees(name):
     """Every point of every answer is where the ellipse lets it be, by every route and pairing."""
     law = (0.1, 0.4)
-    results = led(two_blocks(sc.OrthotropicCoulomb(law, GRAIN), **WAYS[name]))
+    results = led(two_blocks(sc.conditions.OrthotropicCoulomb(law, GRAIN), **WAYS[name]))
     for before, result in pairwise(results):
         assert violation(law, GRAIN, result, before) < 1e-8
         assert result.certificate.worst < 1e-7
         assert 0 < (result.status == 2).sum() < len(result.status)
         assert result["joint"].dissipation > 0
     if name in ("iterated", "sparse", "multigrid"):
-        other = led(two_blocks(sc.OrthotropicCoulomb(law, GRAIN)))
+        other = led(two_blocks(sc.conditions.OrthotropicCoulomb(law, GRAIN)))
         for one, two in zip(results, other, strict=True):
             np.testing.assert_allclose(one.u, two.u, rtol=0, atol=1e-9 * np.abs(two.u).max())
 
@@ -294,7 +294,7 @@ def test_the_judge_agrees(name):
 @SLOW
 def test_all_loops_find_the_same():
     """With a stiffness of sticking, which the loop fictitious needs: 1e-9 of the displacements."""
-    law = sc.OrthotropicCoulomb((0.1, 0.4), GRAIN, stiffness=2.0)
+    law = sc.conditions.OrthotropicCoulomb((0.1, 0.4), GRAIN, stiffness=2.0)
     newton, *others = (led(two_blocks(law, loop=loop)) for loop in LOOPS)
     assert (newton[1].status == 1).any() and (newton[1].status == 2).any()
     for results in others:
@@ -306,7 +306,7 @@ def test_all_loops_find_the_same():
 def test_equal_coefficients_are_coulombs(sliding):
     """Whatever the direction: to the last bit, or but for the round-off of what is carried over."""
     one = led(two_blocks(sc.Coulomb(0.3), sliding=sliding))
-    two = led(two_blocks(sc.OrthotropicCoulomb((0.3, 0.3), GRAIN), sliding=sliding))
+    two = led(two_blocks(sc.conditions.OrthotropicCoulomb((0.3, 0.3), GRAIN), sliding=sliding))
     for a, b in zip(one, two, strict=True):
         if sliding == "small":
             np.testing.assert_array_equal(a.u, b.u)
@@ -318,13 +318,15 @@ def test_equal_coefficients_are_coulombs(sliding):
 @SLOW
 def test_axes_exchanged_and_turned_round():
     """Coefficients exchanged and the direction turned by 90 degrees, or its sign: the same law."""
-    law = sc.OrthotropicCoulomb((0.1, 0.4), GRAIN)
+    law = sc.conditions.OrthotropicCoulomb((0.1, 0.4), GRAIN)
     across = np.cross([0, 0, 1.0], GRAIN)
     ours = led(two_blocks(law))
     for other in (
-        sc.OrthotropicCoulomb((0.4, 0.1), across),
-        sc.OrthotropicCoulomb((0.1, 0.4), -7.0 * GRAIN),
-        sc.OrthotropicCoulomb(np.full((16, 2), (0.1, 0.4)), lambda x: GRAIN[:, None] + 0 * x),
+        sc.conditions.OrthotropicCoulomb((0.4, 0.1), across),
+        sc.conditions.OrthotropicCoulomb((0.1, 0.4), -7.0 * GRAIN),
+        sc.conditions.OrthotropicCoulomb(
+            np.full((16, 2), (0.1, 0.4)), lambda x: GRAIN[:, None] + 0 * x
+        ),
     ):
         for a, b in zip(ours, led(two_blocks(other)), strict=True):
             np.testing.assert_allclose(a.u, b.u, rtol=0, atol=1e-12 * np.abs(a.u).max())
@@ -342,7 +344,7 @@ def test_the_whole_scene_rotated():
         D = np.flatnonzero(np.isclose((turn.T @ basis.doflocs)[2], 1.0))
         block = sc.Body(basis, linear_elasticity(*lame_parameters(1.0, 0.3)), D=D, name="block")
         foot = block.surface(lambda x, turn=turn: np.isclose((turn.T @ x)[2], 0.0))
-        law = sc.OrthotropicCoulomb((0.4, 0.15), turn @ GRAIN)
+        law = sc.conditions.OrthotropicCoulomb((0.4, 0.15), turn @ GRAIN)
         plane = sc.RigidPlane((0, 0, 0), turn[:, 2])
         solver = sc.ContactSolver(block, sc.Contact(foot, plane, friction=law, name="joint"))
         x = np.zeros(basis.N)
@@ -368,7 +370,11 @@ def test_a_ball_turned_in_its_socket(sliding, kind):
     surface = ball.surface(lambda x: np.isclose(np.linalg.norm(x, axis=0), 1.0), nodes=True)
     socket = sc.RigidSphere((0, 0, 0), 1.0, hollow=True, name="socket")
     contact = sc.Contact(
-        surface, socket, friction=sc.OrthotropicCoulomb(law, grain), sliding=sliding, name="joint"
+        surface,
+        socket,
+        friction=sc.conditions.OrthotropicCoulomb(law, grain),
+        sliding=sliding,
+        name="joint",
     )
     steps = []
     for push, angle in ((0.01, 0.0), (0.01, 0.01), (0.012, 0.004)):
@@ -402,7 +408,7 @@ def test_guides_take_the_side_force(axis, grain, linear):
     block.block = sc.Body(body.basis, body.K, D=D, name="block")
     block.foot = block.block.surface(at(2, 0.0), name="foot")
     friction = 0.01 * resisting(MU, along(grain), way)
-    solver = block.solver(linear=sc.Direct() if linear == "sparse" else linear)
+    solver = block.solver(linear=sc.linalg.Direct() if linear == "sparse" else linear)
     pressed = solver.solve(**block.load((0, 0), (0, 0)))
     own = friction * way  # what strains the block; the rest goes from the foot into the guides
     moved = 0.05 * way + own / block.G
@@ -424,7 +430,7 @@ def test_half_a_block_is_half_of_the_whole(mu):
         mesh = fem.MeshHex.init_tensor(np.linspace(0, 1, 4), y, np.linspace(0, 1, 4))
         held = ((at(2, 1.0), (0, 1, 2)), *(((at(1, 0.0), (1,)),) if low == 0.0 else ()))
         block = elastic(mesh, "quad4", "block", held=held)
-        law = sc.OrthotropicCoulomb(mu, (1, 0, 0))
+        law = sc.conditions.OrthotropicCoulomb(mu, (1, 0, 0))
         contact = sc.Contact(block.surface(at(2, 0.0)), FLOOR, friction=law, name="joint")
         top = block.D[np.isclose(block.dof_points[block.D, 2], 1.0)]
         steps = []
@@ -459,7 +465,7 @@ def test_a_floor_that_moves():
 def test_caps_and_cohesion_keep_the_shape(law, scale):
     """Twice the ellipse by cohesion, half of it by a cap: the same direction of friction."""
     block, slip = Grooved(MU, (1, 0, 0)), 0.05 * along(40)
-    block.law = sc.OrthotropicCoulomb(MU, (1, 0, 0), **law)
+    block.law = sc.conditions.OrthotropicCoulomb(MU, (1, 0, 0), **law)
     friction = scale * 0.01 * resisting(MU, along(0), slip)
     solver = block.solver()
     pressed = solver.solve(**block.load((0, 0), (0, 0)))
@@ -473,7 +479,9 @@ def test_wear_counts_the_way_itself():
     """Depth is k p times the length of the slip, whatever the coefficients along it."""
     block, slip = Grooved(MU, (1, 0, 0)), 0.05 * along(20)
     friction = 0.01 * resisting(MU, along(0), slip)
-    contact = sc.Contact(block.foot, FLOOR, friction=block.law, wear=sc.Archard(1e-6), name="joint")
+    contact = sc.Contact(
+        block.foot, FLOOR, friction=block.law, wear=sc.conditions.Archard(1e-6), name="joint"
+    )
     solver = sc.ContactSolver(block.block, contact)
     pressed = solver.solve(**block.load((0, 0), (0, 0)))
     moved = slip + friction / block.G
@@ -488,18 +496,18 @@ def test_how_far_a_step_slides_is_a_length(mu):
     contact = sc.Contact(block.foot, FLOOR, friction=block.law, sliding="finite", name="joint")
     solver = sc.ContactSolver(block.block, contact, options=sc.Options(max_travel=1.0, max_cuts=0))
     pressed = solver.solve(**block.load((0, 0), (0, 0)))
-    with pytest.raises(sc.NotConverged, match=r"slid (1\.9|2)\d* times as far as max_travel"):
+    with pytest.raises(sc.errors.NotConverged, match=r"slid (1\.9|2)\d* times as far as max_travel"):
         solver.solve(**block.load((1.0, 0.0), (0, 0)), start=pressed)
 
 
 def test_the_certificate_judges_direction_and_size():
     """Friction turned by a thousandth, too large, or against the slip on the ellipse, is told."""
-    law = sc.OrthotropicCoulomb((0.4, 0.2), (1, 0, 0))
+    law = sc.conditions.OrthotropicCoulomb((0.4, 0.2), (1, 0, 0))
     solver, load = pushed_block(law)
     pressed = solver.solve(f=load(0.0, 0.0))
     result = answer_of(solver.solve(f=load(0.12, 0.12), start=pressed))
     slips = result.state.status == 2
-    assert slips.any() and sc.ContactResult(result).certificate.friction < 1e-9
+    assert slips.any() and sc.answers.ContactResult(result).certificate.friction < 1e-9
     right, slip = result.state.tangential_force, result.state.slip
     turned = right + 1e-3 * np.cross([0.0, 0.0, 1.0], right)
     back = np.where(slips[:, None], slip, 0.0)
@@ -512,12 +520,12 @@ def test_the_certificate_judges_direction_and_size():
         scale = result.state.normal_force.max()
         at_fault = np.linalg.norm(wrong - right, axis=1)[slips].max() / scale
         # between the two axes forces are scaled by up to 2
-        assert 0.15 * at_fault < sc.ContactResult(result).certificate.friction < 6 * at_fault
+        assert 0.15 * at_fault < sc.answers.ContactResult(result).certificate.friction < 6 * at_fault
 
 
 def test_moments_of_friction_across_a_gap():
     """They are those of the forces themselves: with them the moments of all bodies balance."""
-    solver = two_blocks(sc.OrthotropicCoulomb((0.1, 0.4), GRAIN), apart=0.05)
+    solver = two_blocks(sc.conditions.OrthotropicCoulomb((0.1, 0.4), GRAIN), apart=0.05)
     certificate = led(solver, WAY[:2])[-1].certificate
     assert certificate.moment_gap > 1e-4
     assert certificate.moment_balance < 1e-10
@@ -526,7 +534,7 @@ def test_moments_of_friction_across_a_gap():
 def test_statics_know_the_ellipse():
     """What a load on a loose block needs is proven to be too much beyond it only."""
     mu, grain = (0.4, 0.1), along(20)
-    solver, load = pushed_block(sc.OrthotropicCoulomb(mu, grain))
+    solver, load = pushed_block(sc.conditions.OrthotropicCoulomb(mu, grain))
     model = solver.linear_model
     for angle in (20.0, 50.0, 110.0, 200.0):
         way = along(angle)
@@ -540,9 +548,10 @@ def test_statics_know_the_ellipse():
 @SLOW
 def test_other_answers_are_those_of_the_circle():
     """Of the larger coefficient whose ratio stays, whichever axis is called the first."""
-    law, across = sc.OrthotropicCoulomb((0.1, 0.4), GRAIN), np.cross([0, 0, 1.0], GRAIN)
+    law, across = sc.conditions.OrthotropicCoulomb((0.1, 0.4), GRAIN), np.cross([0, 0, 1.0], GRAIN)
     ours, other = (
-        led(two_blocks(one))[1].uniqueness for one in (law, sc.OrthotropicCoulomb((0.4, 0.1), across))
+        led(two_blocks(one))[1].uniqueness
+        for one in (law, sc.conditions.OrthotropicCoulomb((0.4, 0.1), across))
     )
     np.testing.assert_allclose(ours.critical_friction, other.critical_friction, rtol=1e-9)
     np.testing.assert_allclose(ours.friction, 0.4)

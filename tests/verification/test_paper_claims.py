@@ -80,9 +80,9 @@ def saddle_point(K, f, C, b, D, x):
 def test_K_r_is_symmetric_and_m_equations_shorter(counts, angle, kind, method):
     """T'KT is symmetric to round-off and has one equation less for every closed contact point."""
     bodies, contacts = stack_of(counts, kind=kind, pose=Pose(angle), method=method)
-    system = sc.stack(bodies)
-    rows = sc.contact_rows(system, contacts)
-    K_r, *_ = sc.condense(system.K, system.f, rows=rows, D=system.D, x=system.x)
+    system = sc.bodies.stack(bodies)
+    rows = sc.elimination.contact_rows(system, contacts)
+    K_r, *_ = sc.elimination.condense(system.K, system.f, rows=rows, D=system.D, x=system.x)
     m = sum(len(c.secondary.points) for c in contacts)
     assert K_r.shape[0] == system.n - len(system.D) - m
     largest = np.abs(K_r.data).max()
@@ -145,9 +145,9 @@ def reduced_and_merged(n, kind):
         D = "bottom" if i == 0 else "top"
         bodies.append(sc.Body(basis, elastic(1.0, 0.3), D=D, name=f"block {i}"))
     contact = sc.Contact(bodies[1].surface("bottom"), bodies[0].surface("top"), method="node")
-    system = sc.stack(bodies)
-    rows = sc.contact_rows(system, contact)
-    K_r, *_ = sc.condense(system.K, system.f, rows=rows, D=system.D, x=system.x)
+    system = sc.bodies.stack(bodies)
+    rows = sc.elimination.contact_rows(system, contact)
+    K_r, *_ = sc.elimination.condense(system.K, system.f, rows=rows, D=system.D, x=system.x)
     k = max(n)  # as fine as the finer
     merged = block_basis(even(k, 0.0, 4.0), even(2 * k, 0.0, 2.0), kind=kind)
     whole = sc.Body(merged, elastic(1.0, 0.3), D=["bottom", "top"])
@@ -186,9 +186,9 @@ def test_tangential_elements_stop_rigid_motion(counts, angle):
     """A block held by friction alone has no free motion left, and none that the primary shares."""
     pose = Pose(angle)
     bodies, contacts = stack_of(counts, pose=pose)
-    system = sc.stack(bodies)
-    kin, rows = kinematics_of(system, contacts), sc.contact_rows(system, contacts)
-    T = sc.eliminate(rows.C, rows.b, system.D, system.x, prefer=rows.prefer)
+    system = sc.bodies.stack(bodies)
+    kin, rows = kinematics_of(system, contacts), sc.elimination.contact_rows(system, contacts)
+    T = sc.elimination.eliminate(rows.C, rows.b, system.D, system.x, prefer=rows.prefer)
 
     def lowest(G):
         K = system.K + tangential_matrix(kin.B_t, np.full((kin.m, 1, 1), G))
@@ -222,9 +222,11 @@ def test_block_held_only_by_friction_rests(loop):
 
 def check_against_multipliers(bodies, contacts):
     """All rows closed: displacements and forces of the elimination are those of a saddle point."""
-    system = sc.stack(bodies)
-    rows = sc.contact_rows(system, contacts)
-    T = sc.eliminate(rows.C, rows.b, system.D, system.x, prefer=rows.prefer, scale=rows.scale)
+    system = sc.bodies.stack(bodies)
+    rows = sc.elimination.contact_rows(system, contacts)
+    T = sc.elimination.eliminate(
+        rows.C, rows.b, system.D, system.x, prefer=rows.prefer, scale=rows.scale
+    )
     K_r, f_r = T.reduce(system.K, system.f)
     u = T.expand(np.linalg.solve(K_r.toarray(), f_r))
     exact, force = saddle_point(system.K, system.f, rows.C, rows.b, system.D, system.x)

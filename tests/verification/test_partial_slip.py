@@ -119,7 +119,7 @@ def test_H4_on_triangles():
 def test_H4_with_all_degrees_of_freedom():
     """The solver that keeps all degrees of freedom finds the same partial slip."""
     condensed = Scene(8.5, fine_depth=0.2)
-    sparse = Scene(8.5, fine_depth=0.2, d=condensed.d, linear=sc.Direct())
+    sparse = Scene(8.5, fine_depth=0.2, d=condensed.d, linear=sc.linalg.Direct())
     a, b = (scene.history([0.0, 0.6])[1] for scene in (sparse, condensed))
     # two ways through the same equations: the condition number of the bodies
     assert relative(a.tangential_force, b.tangential_force) < 1e-9

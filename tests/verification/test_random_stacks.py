@@ -27,7 +27,7 @@ def outcome(stack, **settings):
         warnings.simplefilter("ignore", sc.ContactWarning)
         try:
             result = stack.solver(**settings).solve()
-        except sc.NoEquilibrium as error:
+        except sc.errors.NoEquilibrium as error:
             return "no equilibrium", error
     forces = {}
     for values in result.values:
@@ -50,7 +50,7 @@ def check(seed):
     orders = [
         {"bodies": list(range(n))[::-1], "contacts": list(range(m))[::-1]},
         {"bodies": rng.permutation(n).tolist(), "contacts": rng.permutation(m).tolist()},
-        {"linear": sc.Direct()},
+        {"linear": sc.linalg.Direct()},
     ]
     for order in orders:
         other, answer = outcome(stack, **order)
@@ -86,7 +86,7 @@ def test_more_stacks():
     for seed in range(150):
         try:
             found.append(check(seed)[1])
-        except sc.InputError:  # blocks beside each other have no contact
+        except sc.errors.InputError:  # blocks beside each other have no contact
             continue
     assert found.count(False) > 10 and found.count(True) > 100
 

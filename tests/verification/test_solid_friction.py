@@ -212,7 +212,7 @@ def test_a_push_beyond_friction_has_no_equilibrium(loop, angle):
     solver, load = pushed_block(loop)
     push = 0.408 * np.array([np.cos(angle), np.sin(angle)])
     start = solver.solve(f=load(0.0, 0.0))
-    with pytest.raises(sc.NoEquilibrium, match="no force at the contact points can stop"):
+    with pytest.raises(sc.errors.NoEquilibrium, match="no force at the contact points can stop"):
         solver.solve(f=load(*push), start=start)
 
 
@@ -222,7 +222,7 @@ def test_the_certificate_judges_direction_and_size():
     pressed = solver.solve(f=load(0.0, 0.0))
     result = answer_of(solver.solve(f=load(0.2, 0.2), start=pressed))
     assert (result.state.status == 2).any()
-    assert sc.ContactResult(result).certificate.friction < 1e-9
+    assert sc.answers.ContactResult(result).certificate.friction < 1e-9
     right = result.state.tangential_force
     turned = right + 1e-3 * np.cross([0.0, 0.0, 1.0], right)
     for wrong in (turned, 1.001 * right):
@@ -231,7 +231,7 @@ def test_the_certificate_judges_direction_and_size():
             vars(result).pop(name, None)
         scale = result.state.normal_force.max()
         at_fault = np.linalg.norm(wrong - right, axis=1)[result.state.status == 2].max() / scale
-        assert 0.3 * at_fault < sc.ContactResult(result).certificate.friction < 3 * at_fault
+        assert 0.3 * at_fault < sc.answers.ContactResult(result).certificate.friction < 3 * at_fault
 
 
 @pytest.mark.every_value
@@ -262,7 +262,7 @@ def test_half_a_block_is_half_of_the_whole(linear, frame):
         plane = sc.RigidPlane((0, 0, 0), turn[:, 2], name="floor")
         foot = body.surface(lambda x, turn=turn: np.isclose((turn.T @ x)[2], 0.0), name="foot")
         contact = sc.Contact(foot, plane, friction=sc.Coulomb(0.3), name="joint")
-        settings = {"linear": sc.Direct()} if linear == "sparse" else {}
+        settings = {"linear": sc.linalg.Direct()} if linear == "sparse" else {}
         solver = sc.ContactSolver(body, contact, **settings)
         steps = []
         for s in (0.0, 0.02, 0.01):
@@ -287,7 +287,9 @@ def test_half_a_block_is_half_of_the_whole(linear, frame):
 @pytest.mark.every_value
 @pytest.mark.parametrize("mu, far", [(0.3, 0.1), (0.3, 1e-3), (100.0, 1e-3)])
 @pytest.mark.parametrize("moves", ["foot", "floor"])
-@pytest.mark.parametrize("linear", ["condensed", "iterated", sc.Direct(), sc.AMG()], ids=str)
+@pytest.mark.parametrize(
+    "linear", ["condensed", "iterated", sc.linalg.Direct(), sc.linalg.AMG()], ids=str
+)
 def test_supports_move_points_along_one_tangent(linear, moves, mu, far):
     """A foot that is moved along y, and free along x: friction is opposite to the slip along both.
 

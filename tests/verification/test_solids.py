@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from solid_meshes import KINDS, at, cube, elastic, in_tetrahedra, octant_shell, onto_ball, shuffled
 
 import skfem_contact as sc
-from skfem_contact import InputError
+from skfem_contact.errors import InputError
 from skfem_contact.reference import hertz_point
 
 every_kind = pytest.mark.parametrize("kind", KINDS)
@@ -219,7 +219,7 @@ def test_routes_agree(kind):
     """Condensed to the contact points, by a sparse direct solver and by AMG: one answer."""
     _, first = pressed_dome(kind, np.eye(3))
     scale = first["joint"].pressure.max()
-    for linear in (sc.Direct(), sc.AMG()):
+    for linear in (sc.linalg.Direct(), sc.linalg.AMG()):
         for loop in ("newton", "direct", "fictitious"):
             _, other = pressed_dome(kind, np.eye(3), linear=linear, loop=loop)
             np.testing.assert_allclose(
@@ -276,7 +276,7 @@ def test_obstacles_of_all_shapes():
     ball = {"held": ((lambda x: np.linalg.norm(x, axis=0) < 0.5, (0, 1, 2)),)}
     bodies = [elastic(cube("quad4", 6, onto_ball), "quad4", name, **ball) for name in "abcd"]
     hollow = sc.RigidCylinder((0, 0, 0), 1.5, axis=(0, 3, 0), hollow=True, name="tube")
-    level = sc.LevelSet(lambda x: 1.5**2 - x[0] ** 2 - x[2] ** 2, name="level")
+    level = sc.obstacles.LevelSet(lambda x: 1.5**2 - x[0] ** 2 - x[2] ** 2, name="level")
     sphere = sc.RigidSphere((0.3, 0, 0), 1.31, hollow=True)
     results = []
     for body, obstacle in zip(bodies, (hollow, level, sphere), strict=False):
@@ -303,7 +303,7 @@ def test_glued_cubes_are_one_body():
     mesh = fem.MeshHex.init_tensor(t, t, np.linspace(0, 2, 7))
     whole = elastic(mesh, kind, "whole", held=(base,), press=pull)
     expected = fem.solve(*fem.condense(whole.K, whole.f, D=whole.D))
-    for linear in ("condensed", sc.Direct()):
+    for linear in ("condensed", sc.linalg.Direct()):
         result = sc.ContactSolver([low, high], [glue], linear=linear).solve()
         for body in (low, high):
             u = result.displacement(body)

@@ -203,7 +203,7 @@ def test_s5_pulled_block_between_held_ones(pulled: int) -> None:
     assert [j.normal_force.sum() for j in joints] == pytest.approx([1, 2, 3, 4], rel=1e-9)
     taken = joints[pulled].force[0] - (joints[pulled - 1].force[0] if pulled else 0.0)
     assert taken == pytest.approx(-0.99 * limit, rel=1e-9)
-    with pytest.raises(sc.NoEquilibrium, match=f"'{name}'") as error:
+    with pytest.raises(sc.errors.NoEquilibrium, match=f"'{name}'") as error:
         solver.solve({**f, name: f[name] + 1.01 * limit * pulls[pulled]}, start=rest)
     assert error.value.bodies == (name,)
 
@@ -219,7 +219,7 @@ def test_s5_free_stack_slips_below_the_pulled_block() -> None:
     force = [sticks[f"joint {k}"].force[0] for k in range(1, 5)]
     # statics of each block: nothing above the pulled one, the whole pull in every joint below
     assert force == pytest.approx([0.0] + 3 * [-0.99 * limit], abs=1e-9)
-    with pytest.raises(sc.NoEquilibrium) as error:
+    with pytest.raises(sc.errors.NoEquilibrium) as error:
         solver.solve({**f, "block 2": f["block 2"] + 1.01 * limit * pulls[1]}, start=rest)
     assert set(error.value.bodies) == {"block 1", "block 2"}
 

@@ -171,7 +171,7 @@ def test_finite_sliding_and_all_dofs_agree(method, scene):
     """
     bodies, surfaces, settings = scene("Q1", (12, 13), sc.Coulomb(0.3))
     forces = []
-    for sliding, linear in (("small", "auto"), ("small", sc.Direct()), ("finite", "auto")):
+    for sliding, linear in (("small", "auto"), ("small", sc.linalg.Direct()), ("finite", "auto")):
         contact = sc.Contact(*surfaces, method=method, sliding=sliding, **settings)
         with pytest.warns(sc.ContactWarning, match=ENDS):
             forces.append(sc.ContactSolver(bodies, contact, linear=linear).solve().force)

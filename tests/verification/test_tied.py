@@ -122,9 +122,9 @@ def glued(problem, kind, n, method, ratio=0.75):
 
 def condensed(bodies, tie):
     """One linear solve, without a contact solver."""
-    system = sc.stack(bodies)
-    rows = sc.contact_rows(system, tie)
-    return fem.solve(*sc.condense(system.K, system.f, rows=rows, D=system.D, x=system.x))
+    system = sc.bodies.stack(bodies)
+    rows = sc.elimination.contact_rows(system, tie)
+    return fem.solve(*sc.elimination.condense(system.K, system.f, rows=rows, D=system.D, x=system.x))
 
 
 @lru_cache
@@ -213,7 +213,10 @@ def test_tied_in_one_solve_or_by_the_contact_solver(problem, kind, method):
     scale = np.abs(once).max()
     assert_allclose(result.u, once, rtol=0, atol=1e-12 * scale)
     assert_allclose(
-        sc.ContactSolver(bodies, [tie], linear=sc.Direct()).solve().u, once, rtol=0, atol=1e-12 * scale
+        sc.ContactSolver(bodies, [tie], linear=sc.linalg.Direct()).solve().u,
+        once,
+        rtol=0,
+        atol=1e-12 * scale,
     )
     assert result.iterations == 1
     assert result.certificate.worst < 1e-10

@@ -136,11 +136,11 @@ def test_a_surface_against_itself_is_refused():
     """The same surface on both sides, or two that share facets, is refused in words."""
     body = sc.Body(rectangle([0, 1, 2], [0, 1, 2]), elastic(1.0), D="bottom", name="ring")
     top = body.surface("top")
-    with pytest.raises(sc.InputError, match="'ring/top' share 2 facets of one body"):
+    with pytest.raises(sc.errors.InputError, match="'ring/top' share 2 facets of one body"):
         sc.Contact(top, body.surface("top"))
     mesh = body.basis.mesh
     both = body.surface(mesh.facets_satisfying(lambda p: (p[1] > 1 - 1e-9) | (p[0] > 2 - 1e-9), True))
-    with pytest.raises(sc.InputError, match="in contact with itself is not supported"):
+    with pytest.raises(sc.errors.InputError, match="in contact with itself is not supported"):
         sc.Contact(both, top, friction=sc.Coulomb(0.1))
 
 
@@ -189,7 +189,7 @@ def circle(x):
 
 OBSTACLES = {
     "sphere": sc.RigidSphere((0.6, -1.0), 1.0, name="tool"),
-    "level set": sc.LevelSet(circle, name="tool"),
+    "level set": sc.obstacles.LevelSet(circle, name="tool"),
 }
 
 

@@ -180,7 +180,7 @@ def test_P1_inclined_interface_held_by_friction(n, method, kind, pose):
 @pytest.mark.parametrize("kind", KINDS)
 def test_P1_inclined_interface_gives_way_below_tan_30(kind):
     """The same column has no equilibrium with a coefficient just below tan(30 degrees)."""
-    with pytest.raises(sc.NoEquilibrium, match="'top'"):
+    with pytest.raises(sc.errors.NoEquilibrium, match="'top'"):
         inclined_blocks(np.diag([0.0, -1e-2]), (5, 5), kind, "node", 0.577)
 
 
@@ -458,7 +458,7 @@ def test_P2_numbers(case, kind, n, method, loop):
 
 
 @pytest.mark.every_value
-@pytest.mark.parametrize("linear", ["condensed", sc.Direct()], ids=["condensed", "sparse"])
+@pytest.mark.parametrize("linear", ["condensed", sc.linalg.Direct()], ids=["condensed", "sparse"])
 @pytest.mark.parametrize("swap", [False, True], ids=["", "swapped"])
 @pytest.mark.parametrize("pose", POSES, ids=str)
 @pytest.mark.parametrize("case", NUMBERS)

@@ -76,7 +76,7 @@ class UnlikeBlocks:
     method: str = "mortar"
     ratio: float = 0.77
     kind: str = "Q1"
-    law: sc.FrictionLaw | None = None
+    law: sc.conditions.FrictionLaw | None = None
     fine: float = 1.2
     depth: float = 0.4
     H: float = 20.0
@@ -131,7 +131,7 @@ class UnlikeBlocks:
         """Opposite uniform shear on the two bases, resultant `Q` on the upper one."""
         return opposite_shear(self.bodies, Q)
 
-    def press(self, P: float, a: float) -> tuple[sc.ContactResult, float]:
+    def press(self, P: float, a: float) -> tuple[sc.answers.ContactResult, float]:
         """The state under the normal load `P`, and how far the base had to be lowered for it."""
         result = None
 

@@ -124,7 +124,7 @@ class Parameter:
     Examples
     --------
     >>> import skfem_contact as sc
-    >>> sc.Parameter("interference", of="joint", field=True, each_step=True)
+    >>> sc.answers.Parameter("interference", of="joint", field=True, each_step=True)
     Parameter('interference', of='joint', field=True, each_step=True)
     """
 

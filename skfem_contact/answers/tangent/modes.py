@@ -33,7 +33,7 @@ from skfem_contact.bodies.system import System
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import SOLVED
 from skfem_contact.elimination.constraint import AffineConstraint
-from skfem_contact.elimination.eliminate import eliminate
+from skfem_contact.elimination.transformation import eliminate
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.resources import single_threaded

@@ -381,7 +381,7 @@ class Tangent:
         return csr_matrix((self.W - self.T).T @ self.K @ self.T)
 
     def _basis(self, rows: csr_matrix) -> csr_matrix:
-        from skfem_contact.elimination.eliminate import eliminate
+        from skfem_contact.elimination.transformation import eliminate
 
         system = self.answer.system
         return csr_matrix(eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n)).T)

@@ -21,7 +21,7 @@ from skfem_contact.conditions.interface import point_labels, secondary_dofs
 from skfem_contact.conditions.kinematics import join, kinematics
 from skfem_contact.digits import SOLVED
 from skfem_contact.elimination.constraint import prescribed, sparse_matrix
-from skfem_contact.elimination.eliminate import eliminate
+from skfem_contact.elimination.transformation import eliminate
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 
@@ -164,7 +164,7 @@ class ConstraintRows:
     >>> low = square(0, D="bottom", name="low")
     >>> high = square(1, D="top", x={"top": (0, 0.01)}, name="high")
     >>> glued = sc.Contact(high.surface("bottom"), low.surface("top"), tied=True)
-    >>> rows = sc.contact_rows(sc.stack([low, high]), glued)
+    >>> rows = sc.elimination.contact_rows(sc.bodies.stack([low, high]), glued)
     >>> rows.C.shape  # gap and slip of three points, and all 36 DOFs
     (6, 36)
     """
@@ -211,10 +211,10 @@ def contact_rows(
     >>> basis = fem.Basis(top, e)
     >>> up = basis.project(lambda x: np.stack([0 * x[0], 0.1 + 0 * x[0]]))
     >>> b = sc.Body(basis, linear_elasticity(0, 0.5), D="top", x=up)
-    >>> system = sc.stack([a, b])
+    >>> system = sc.bodies.stack([a, b])
     >>> tie = sc.Contact(b.surface("bottom"), a.surface("top"), tied=True)
-    >>> rows = sc.contact_rows(system, tie)
-    >>> u = fem.solve(*sc.condense(system.K, system.f, rows=rows, D=system.D, x=system.x))
+    >>> rows = sc.elimination.contact_rows(system, tie)
+    >>> u = fem.solve(*sc.elimination.condense(system.K, system.f, rows=rows, D=system.D, x=system.x))
     >>> bool(abs(u[a.surface("top").dofs[:, 1]] - 0.05).max() < 1e-12)
     True
     """

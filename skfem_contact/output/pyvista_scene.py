@@ -75,7 +75,7 @@ def scene(
     >>> floor = sc.RigidPlane((0, 0, 0), (0, 0, 1))
     >>> glue = sc.Contact(cube.surface("low"), floor, tied=True)
     >>> result = sc.ContactSolver(cube, glue).solve()
-    >>> plotter = sc.scene(result, off_screen=True)  # doctest: +SKIP
+    >>> plotter = sc.output.scene(result, off_screen=True)  # doctest: +SKIP
     >>> plotter.screenshot("cube.png")  # doctest: +SKIP
     """
     solid, words = is_solid(result), checked_units(units)
