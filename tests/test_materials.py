@@ -34,6 +34,7 @@ RUBBERS = {
     "MooneyRivlin": MooneyRivlin(0.3, 0.2, bulk=7.0),
     "SaintVenantKirchhoff": SaintVenantKirchhoff(1.0, 0.3),
 }
+LARGE = {"large": J2(E, NU, TABLE, kinematic=E / 30, finite_strain=True)}
 random = np.random.default_rng(26)
 
 
@@ -51,10 +52,10 @@ def stress_of(material, path, state=None):
 
 
 @pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("name", [*METALS, *RUBBERS])
+@pytest.mark.parametrize("name", [*METALS, *RUBBERS, *LARGE])
 def test_tangent_is_the_derivative_of_stress(name, d):
     """Central differences at random gradients, after a step that has yielded."""
-    material = METALS.get(name) or RUBBERS[name]
+    material = {**METALS, **RUBBERS, **LARGE}[name]
     size = 4e-3 if name in METALS else 0.3
     first, H = size * random.uniform(-1, 1, (2, d, d, 3, 2))
     state = material(first, material.initial_state(3, 2))[2]
@@ -185,6 +186,59 @@ def test_energy_of_a_closed_path(name):
         assert lost.item() > 0.5 * work
     assert abs(errors[1]) < 2e-3
     assert abs(errors[1]) < 0.6 * abs(errors[0])
+
+
+def test_metal_in_simple_shear_and_drawn_out():
+    """Hencky: tau = 2 mu b / cosh b at a shear of 2 sinh b; a bar of any length is on its curve."""
+    b = np.array([[1e-9, 1e-3, 0.3, 1.2]])
+    shear = np.zeros((2, 2, 1, 4))
+    shear[0, 1] = 2 * np.sinh(b)
+    rigid = J2(E, NU, 1e9, finite_strain=True)
+    P = rigid(shear, rigid.initial_state(1, 4))[0]
+    assert_allclose(P[0, 1], 2 * MU * b / np.cosh(b), rtol=1e-12)  # det F = 1, and F^-T has no 0, 0
+    metal = LARGE["large"]
+    for e in (0.01, 0.5, 1.5):  # without change of volume
+        stretch = point((np.expm1(e), 0, 0), (0, np.expm1(-e / 2), 0), (0, 0, np.expm1(-e / 2)))
+        stress, state = stress_of(metal, [stretch])
+        p = state["equivalent_plastic_strain"].item()
+        assert_allclose(1.5 * stress[0, 0] * np.exp(e), 3 * MU * (e - p), rtol=1e-9)
+        assert_allclose(3 * MU * (e - p), metal.yields(np.array(p))[0] + E / 30 * p, rtol=1e-9)
+
+
+def test_metal_at_large_strains_turns_with_the_body():
+    """After yield: P(Q F) = Q P(F), and the same internal variables; without yield, P = dW/dF."""
+    metal = LARGE["large"]
+    first, H = 0.3 * random.uniform(-1, 1, (2, 3, 3, 4, 2))
+    state = metal(first, metal.initial_state(4, 2))[2]
+    Q, _ = np.linalg.qr(random.normal(size=(3, 3)))
+    one = np.eye(3)[:, :, None, None]
+    turned = np.einsum("im,mj...->ij...", Q * np.linalg.det(Q), H + one) - one
+    P, _, new = metal(H, state)
+    Pt, _, same = metal(turned, state)
+    assert_allclose(
+        Pt, np.einsum("im,mj...->ij...", Q * np.linalg.det(Q), P), atol=1e-10 * abs(P).max()
+    )
+    for key, value in new.items():
+        assert_allclose(same[key], value, atol=1e-13)
+    rigid, change = J2(E, NU, 1e9, finite_strain=True), 1e-6 * random.uniform(-1, 1, H.shape)
+    state = rigid.initial_state(4, 2)
+    found = rigid.energy(H + change, state)[0] - rigid.energy(H - change, state)[0]
+    expected = 2 * np.einsum("ij...,ij...->...", rigid(H, state)[0], change)
+    assert_allclose(found, expected, atol=1e-7 * abs(expected).max())
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-12, 1e-7, 3e-6, 3e-5, 1e-3])
+def test_tangent_of_stretches_that_are_nearly_equal(apart):
+    """Two and three equal stretches, and others beside them, under stress that no strain explains."""
+    metal = LARGE["large"]
+    for stretches in ([0.3, 0.3 + apart, 0.3 - 2 * apart], [0.3, 0.3 + apart, -0.4]):
+        H = np.diag(stretches)[:, :, None, None]
+        state = metal.initial_state(1, 1)
+        state["plastic_strain"] += point((0.1, 0.2, -0.1), (0.2, -0.3, 0.05), (-0.1, 0.05, 0.2))
+        change = 1e-5 * random.uniform(-1, 1, H.shape)
+        found = (metal(H + change, state)[0] - metal(H - change, state)[0]) / 2
+        expected = np.einsum("ijkl...,kl...->ij...", metal(H, state)[1], change)
+        assert_allclose(found, expected, atol=1e-8 * abs(expected).max())
 
 
 # --------------------------------------------------------------------------------------------- rubber
@@ -336,6 +390,7 @@ def test_materials_go_to_other_processes(material):
         (lambda: J2(E, NU, [250, 300, 310]), "shape"),
         (lambda: J2(E, 0.5, 250), "no Poisson's ratio"),
         (lambda: J2(E, NU, 250, kinematic=-1), "slope"),
+        (lambda: J2(E, NU, 250, finite_strain=1), "switch"),
         (lambda: Elastic(-1.0, NU), "no modulus"),
         (lambda: Elastic(E, NU, density=np.inf), "not finite"),
         (lambda: NeoHooke(shear=0.0, bulk=1.0), "have to be > 0"),

@@ -428,3 +428,36 @@ def test_a_load_that_is_taken_off_altogether(sliding: str) -> None:
         pressed, _, free = sc.ContactSolver([block, roller], [contact]).history(loads)
     assert_allclose(free.u, 0.0, atol=1e-12 * np.abs(pressed.u).max())
     assert len(free.newton) <= 5
+
+
+@pytest.mark.parametrize("angle", [np.pi / 6, pytest.param(np.pi / 2, marks=pytest.mark.slow)])
+def test_a_pair_that_is_turned_as_a_whole(angle: float) -> None:
+    """Pressed, then turned by its supports while it stays pressed: forces turn with it, to 1e-8.
+
+    The tool yields when it is pressed; turned, all internal variables stay as they are.
+    """
+    low, high = rectangle(0, 1, 0, 1, 5, 5), rectangle(-0.25, 1.15, 1, 1.5, 8, 3)
+    rubber = sc.NonlinearBody(low, sc.materials.NeoHooke.of(1.0, 0.3), D="bottom", name="rubber")
+    metal = sc.J2(40.0, 0.3, 0.1, kinematic=4.0, finite_strain=True)
+    tool = sc.NonlinearBody(high, metal, D="top", name="tool")
+    contact = sc.Contact(rubber.surface("top"), tool.surface("bottom"), sliding="finite")
+
+    def at(turn: float) -> dict[str, Any]:
+        c, s = np.cos(turn), np.sin(turn)
+        places = {}
+        for body, shift in ((rubber, (0.0, 0.0)), (tool, (0.05, -0.15))):
+            p, places[body.name] = body.basis.mesh.p, np.zeros(body.n)
+            there = np.array([[c, -s], [s, c]]) @ (p + np.array(shift)[:, None])
+            places[body.name][body.basis.nodal_dofs] = there - p
+        return {"x": places}
+
+    settled = sc.Options(placement_tolerance=1e-11)
+    solver = sc.ContactSolver([rubber, tool], [contact], options=settled)
+    turns = np.linspace(0, angle, round(angle / (np.pi / 18)) + 1)
+    pressed, *_, last = solver.history([at(turn) for turn in turns])
+    c, s = np.cos(angle), np.sin(angle)
+    expected = np.array([[c, -s], [s, c]]) @ pressed.force
+    assert_allclose(last.force, expected, rtol=0, atol=1e-8 * np.linalg.norm(expected))
+    strain, before = (r.state["tool"]["equivalent_plastic_strain"] for r in (last, pressed))
+    assert before.max() > 0.003
+    assert_allclose(strain, before, rtol=0, atol=1e-9)

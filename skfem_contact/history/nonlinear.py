@@ -182,6 +182,7 @@ class NonlinearSearch:
             self._why = str(error)
             return self._gives_up()
         left, most, forces, exact, closing, shift = np.inf, 0.0, None, True, False, 0.0
+        reached = np.inf  # the norm of what the last iterate left
         step, secant = replace(part, pairing=self._pairing(part, at.u)), Anderson()
         for number in range(1, options.max_placements + 1):
             solved = self._solve(step, at.stiffened(base.stiffness, shift), exact)
@@ -206,6 +207,7 @@ class NonlinearSearch:
             record = Iteration(number, parts.aim, residual, share, len(attempt.outcome.trace))
             self.newton.append(record)
             logger.debug("%s", record)
+            nearer, reached = share == 1.0 and norm < reached, norm
             at, left, most, self._last = there, norm, max(most, norm), there
             own = self._pairing(step, there.u)
             attempt = self._judged(step, attempt, own, FAR if number == 1 else 1.0)
@@ -217,9 +219,10 @@ class NonlinearSearch:
             if balanced and attempt.good:
                 self._arrive(part, attempt, there)
                 return ARRIVED
-            # a pairing that has settled stays, and Newton's method is quick again
-            if attempt.failure:  # residuals on two pairings are two things: no smaller one is asked for
-                left = most
+            # a pairing that has settled stays, and Newton's method is quick again; so does one on which
+            # bodies have yet to come nearer: nothing bounds what is left where both change
+            if attempt.failure and (nearer or balanced):
+                left = most  # residuals on two pairings are two things: no smaller one is asked for
                 if share < 1.0:  # no answer on the pairing before, which secants are of
                     secant = Anderson()
                 step = self._next(step, there.u, secant)

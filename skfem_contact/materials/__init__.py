@@ -4,6 +4,7 @@
 * `tensors`: second-order tensors at many points;
 * `elastic`: linear elasticity;
 * `plasticity`: J2, metals that yield;
+* `logarithmic`: laws of small strains at large ones;
 * `hyperelastic`: neo-Hooke, Mooney-Rivlin, St. Venant-Kirchhoff;
 * `felupe`: materials written for felupe.
 

@@ -1,4 +1,4 @@
-r"""`J2`: metals that yield, with isotropic and linear kinematic hardening, at small strains.
+r"""`J2`: metals that yield, with isotropic and linear kinematic hardening.
 
 Von Mises' yield function of the deviatoric stress s, the back stress ``beta = 2/3 C eps_p`` and the
 equivalent plastic strain p, with the flow along its normal (Prandtl and Reuss):
@@ -7,7 +7,7 @@ equivalent plastic strain p, with the flow along its normal (Prandtl and Reuss):
 
 Over a step the flow has the direction of its end (backward Euler, radial return), so that p is the
 root of ``q_trial = (3 mu + C) (p - p_n) + Y(p)``. See Simo and Hughes, Computational Inelasticity
-(1998), boxes 3.1 and 3.2.
+(1998), boxes 3.1 and 3.2. At large strains it is the same law of logarithmic strains.
 """
 
 from __future__ import annotations
@@ -18,11 +18,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skfem_contact.arguments import PrintedAsCall, numbers, with_known_keywords
+from skfem_contact.arguments import PrintedAsCall, check_switch, numbers, with_known_keywords
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError, MaterialError
-from skfem_contact.materials.material import Isotropic, Split, State, everywhere, take_numbers
-from skfem_contact.materials.tensors import deviator, double, isotropic, solid, symmetric, trace
+from skfem_contact.materials.logarithmic import logarithmic, undeformed_axes
+from skfem_contact.materials.material import (
+    Isotropic,
+    Split,
+    State,
+    dilatation,
+    everywhere,
+    take_numbers,
+)
+from skfem_contact.materials.tensors import deviator, double, isotropic, solid, symmetric
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
@@ -38,7 +46,7 @@ USAGE = "give a number, rows of stress and plastic strain, or a function"
 )
 @dataclass(frozen=True, eq=False)
 class J2(PrintedAsCall, Isotropic, Split):
-    """Von Mises plasticity with isotropic and linear kinematic hardening, at small strains.
+    """Von Mises plasticity with isotropic and linear kinematic hardening.
 
     Plane strain, axisymmetric, solid. On elements of first order the change of volume is the mean of
     the element, see `NonlinearBody`: plastic flow keeps the volume, and they would lock.
@@ -54,6 +62,10 @@ class J2(PrintedAsCall, Isotropic, Split):
         that returns stress and slope, ``lambda p: (250 + 900 * p, 900 + 0 * p)``.
     kinematic : float, optional
         Slope C of the back stress over plastic strain in uniaxial tension [stress].
+    finite_strain : bool, optional
+        Whether strains and turns may be of any size: the law is then one of logarithmic strains, and
+        yield stresses are those of Kirchhoff's stress, which is Cauchy's where volume is kept. Without
+        it strains are small, up to some 5 %.
 
     Raises
     ------
@@ -63,7 +75,9 @@ class J2(PrintedAsCall, Isotropic, Split):
 
     Notes
     -----
-    Internal variables: ``plastic_strain`` (3, 3, e, q) and ``equivalent_plastic_strain`` (e, q).
+    Internal variables: ``plastic_strain`` (3, 3, e, q) and ``equivalent_plastic_strain`` (e, q). At
+    large strains the first is logarithmic, in the axes of the undeformed body (Miehe, Apel and
+    Lambrecht 2002).
 
     Examples
     --------
@@ -82,12 +96,14 @@ class J2(PrintedAsCall, Isotropic, Split):
     nu: float
     yield_stress: Any
     kinematic: float = field(default=0.0, kw_only=True)
+    finite_strain: bool = field(default=False, kw_only=True)
 
     mean_dilatation = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
         take_numbers(self, kinematic="give a slope of stress over plastic strain, >= 0")
+        check_switch(self.finite_strain, "finite_strain")
         if self.kinematic < 0.0:
             raise InputError(f"kinematic = {self.kinematic} is no slope of hardening; it is >= 0")
         if callable(self.yield_stress):
@@ -122,6 +138,12 @@ class J2(PrintedAsCall, Isotropic, Split):
         return np.interp(p, at, Y), slopes[np.searchsorted(at, p, side="right") - 1]
 
     def isochoric(self, H: Array, state: State) -> tuple[Array, Array, State]:
+        if self.finite_strain:
+            return logarithmic(self._flow, H, state)
+        return self._flow(H, state)
+
+    def _flow(self, H: Array, state: State) -> tuple[Array, Array, State]:
+        """The deviator of the stress at small strains, its derivative, and internal variables."""
         d, mu = len(H), self.shear
         old, p = state["plastic_strain"], state["equivalent_plastic_strain"]
         xi = 2.0 * mu * deviator(symmetric(solid(H))) - (2.0 * mu + self.kinematic / 1.5) * old
@@ -163,15 +185,19 @@ class J2(PrintedAsCall, Isotropic, Split):
 
     def volumetric(self, growth: Array) -> tuple[Array, Array, Array]:
         k = self.bulk
-        return 0.5 * k * growth**2, k * growth, np.full_like(growth, k)
+        if not self.finite_strain:
+            return 0.5 * k * growth**2, k * growth, np.full_like(growth, k)
+        log, J = np.log1p(growth), 1.0 + growth
+        return 0.5 * k * log**2, k * log / J, k * (1.0 - log) / J**2
 
     def energy(self, H: Array, state: State) -> tuple[Array, Array]:
-        strain = symmetric(solid(H)) - state["plastic_strain"]
+        strain = undeformed_axes(H) if self.finite_strain else symmetric(solid(H))
+        strain = strain - state["plastic_strain"]
         back = self.kinematic / 3.0 * double(state["plastic_strain"], state["plastic_strain"])
         elastic = self.shear * double(deviator(strain), deviator(strain))
-        return elastic + back + self.volumetric(trace(H))[0], self._work(
-            state["equivalent_plastic_strain"]
-        )
+        growth = dilatation(H, self.finite_strain)[0]
+        work = self._work(state["equivalent_plastic_strain"])
+        return elastic + back + self.volumetric(growth)[0], work
 
     def _work(self, p: Array) -> Array:
         """Work that isotropic hardening takes until p, the integral of Y, by Gauss's points."""
