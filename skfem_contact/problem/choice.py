@@ -143,7 +143,10 @@ class Choice:
         """Number of load steps from which on factors take less time than multigrid."""
         bodies = zip(self.system.bodies, self.stiffness, strict=True)
         cubes = sum(float(_cut(K, body.dof_points)) ** 3 for body, K in bodies)
-        return cubes / (CUBES_PER_ENTRY * sum(K.nnz for K in self.stiffness))
+        entries = sum(K.nnz for K in self.stiffness)
+        return (
+            cubes / (CUBES_PER_ENTRY * entries) if entries else 0.0
+        )  # no stiffness is refused in words
 
     @property
     def by_memory(self) -> bool:
