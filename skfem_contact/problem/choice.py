@@ -144,9 +144,8 @@ class Choice:
         bodies = zip(self.system.bodies, self.stiffness, strict=True)
         cubes = sum(float(_cut(K, body.dof_points)) ** 3 for body, K in bodies)
         entries = sum(K.nnz for K in self.stiffness)
-        return (
-            cubes / (CUBES_PER_ENTRY * entries) if entries else 0.0
-        )  # no stiffness is refused in words
+        # a body without stiffness is refused in words, later
+        return cubes / (CUBES_PER_ENTRY * entries) if entries else 0.0
 
     @property
     def by_memory(self) -> bool:
