@@ -1,4 +1,4 @@
-"""What a parameter study costs in one process and in a pool of two: docs/recipes/parameter_study.md.
+"""What a parameter study costs in one process and in a pool of two: docs/checks/guide.md.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/parameter_study.py [plane] [solid]
 

@@ -323,9 +323,6 @@ COLUMNS: dict[str, Callable[[dict[str, Any]], str]] = {
     "peak memory, MB": lambda r: f"{r['history']['memory']:.0f}",
     "of `skfem.solve`": lambda r: written(r, "plain", "memory", ".0f"),
 }
-SHORT = ("DOFs", "contact points", "route", "total, s", "total / own solve")
-SHORT += ("total / `skfem.solve`", "next increment / own solve", "of a factorisation and solve")
-SHORT += ("peak memory, MB",)
 
 
 def inner(counts: list[int]) -> str:
@@ -347,9 +344,9 @@ def of_plain(row: dict[str, Any], key: str) -> str:
     return found.get("failed", "not run")
 
 
-def table(rows: list[dict[str, Any]], columns: tuple[str, ...] = tuple(COLUMNS)) -> str:
+def table(rows: list[dict[str, Any]]) -> str:
     """The table in Markdown."""
-    return listed(rows, {name: COLUMNS[name] for name in columns})
+    return listed(rows, COLUMNS)
 
 
 def main() -> None:
@@ -370,7 +367,6 @@ def main() -> None:
     print(table(record))
     if args.write:
         write_into(HERE.parent / "docs" / "checks" / "performance.md", table(record), MARKS)
-        write_into(HERE.parent / "README.md", table(record, SHORT), MARKS)
 
 
 if __name__ == "__main__":

@@ -175,7 +175,6 @@ STORED: list[tuple[str, str, str, Table]] = [  # page, module, stored run, the t
     ("README.md", "run", "history", lambda run, found: run.table(found["rows"], run.SHORT)),
     ("paper.md", "run", "history", lambda run, found: run.table(found["rows"], run.SHORT)),
     ("docs/checks/performance.md", "solids", "solids", lambda run, found: run.table(found["rows"])),
-    ("README.md", "solids", "solids", lambda run, found: run.table(found["rows"], run.SHORT)),
     (
         "docs/checks/performance.md",
         "whole_jobs",
