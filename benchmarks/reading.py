@@ -3,9 +3,9 @@
     python benchmarks/reading.py             every page of the user's site
     python benchmarks/reading.py COMMIT      beside the same pages at that commit
 
-Words are those of `wc -w`, code included. The grade is that of J. P. Kincaid and others (1975), "Derivation
-of new readability formulas for Navy enlisted personnel": the years at school that a text asks for. Code,
-tables, headings and pictures are left out of it, and a name of code is one word of one syllable.
+Words are those of `wc -w`, code included. The grade is that of J. P. Kincaid and others (1975),
+"Derivation of new readability formulas": the years at school that a text asks for. Code, tables,
+headings and pictures are left out of it, and a name of code is one word of one syllable.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ def sentences(page: str) -> list[list[str]]:
 
 def syllables(word: str) -> int:
     """Groups of vowels, of which a silent e at the end is none."""
-    groups = re.findall("[aeiouy]+", re.sub(r"(?<!l)e$|(?<![lcgsxz])es$|(?<=[^td])ed$", "", word.lower()))
-    return max(1, len(groups))
+    heard = re.sub(r"(?<!l)e$|(?<![lcgsxz])es$|(?<=[^td])ed$", "", word.lower())
+    return max(1, len(re.findall("[aeiouy]+", heard)))
 
 
 def grade(page: str) -> float:
