@@ -80,6 +80,13 @@ def test_files_that_pages_name_exist() -> None:
             assert (DOCS.parent / path).exists(), f"{page.name}: {path}"
 
 
+def test_names_that_pages_write_exist() -> None:
+    """What stands in the text as `sc.name` can be written so."""
+    for page in DOCS.rglob("*.md"):
+        for path in re.findall(r"`sc\.(\w+(?:\.\w+)*)", page.read_text(encoding="utf-8")):
+            assert reduce(getattr, path.split("."), sc), f"{page.name}: sc.{path}"
+
+
 @pytest.mark.parametrize("name", sorted(PUBLIC))
 def test_every_public_name_has_an_example(name: str) -> None:
     """The docstring of a public class or function has an example, which runs as a doctest."""
