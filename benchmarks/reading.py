@@ -10,6 +10,7 @@ headings and pictures are left out of it, and a name of code is one word of one 
 
 from __future__ import annotations
 
+import math
 import re
 import subprocess
 import sys
@@ -35,7 +36,7 @@ def user_pages() -> list[str]:
 def sentences(page: str) -> list[list[str]]:
     """The words of each sentence of the prose of a page."""
     page = re.sub(r"^```.*?^```$|<!--.*?-->|!\[[^\]]*\]\([^)]*\)", "", page, flags=re.S | re.M)
-    page = re.sub(r"^(?:\||#|\$\$).*$", "\n", page, flags=re.M)
+    page = re.sub(r"^(?:\||#|\$\$|:::).*$", "\n", page, flags=re.M)
     page = re.sub(r"`[^`\n]+`|\$[^$]+\$", "name", re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", page))
     blocks = re.split(r"\n\s*\n|\n\s*(?:[-*]|\d+\.) ", page)
     found = [re.findall(r"\w[\w'.-]*", s) for b in blocks for s in re.split(r"[.!?](?=\W|$)", b)]
@@ -49,11 +50,11 @@ def syllables(word: str) -> int:
 
 
 def grade(page: str) -> float:
-    """The grade of Flesch and Kincaid of the prose of a page."""
+    """The grade of Flesch and Kincaid of the prose of a page; NaN where it has none."""
     found = sentences(page)
     words = [word for sentence in found for word in sentence]
     if not words:
-        return 0.0
+        return math.nan
     per_word = sum(map(syllables, words)) / len(words)
     return 0.39 * len(words) / len(found) + 11.8 * per_word - 15.59
 
