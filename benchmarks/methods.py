@@ -1,4 +1,4 @@
-"""Node-to-segment against mortar: pairing times and glued meshes, for docs/methods.md.
+"""Node-to-segment against mortar: pairing times and glued meshes, for docs/checks/methods.md.
 
     python benchmarks/methods.py
 

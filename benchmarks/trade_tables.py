@@ -106,7 +106,7 @@ def preset_table(stored: Row) -> str:
 
 
 def hertz_table(stored: Row) -> str:
-    """Node to segment beside mortar, for docs/methods.md."""
+    """Node to segment beside mortar, for docs/checks/methods.md."""
     rows = [r for r in stored["problems"]["hertz"]["rows"] if r["axis"] == "front"]
     by = {(r["setting"]["kind"], r["setting"]["points"], r["setting"]["method"]): r for r in rows}
     lines = []
@@ -125,7 +125,7 @@ def tables(stored: Row) -> dict[str, dict[str, str]]:
     out = {"presets": preset_table(stored)}
     for name, problem in stored["problems"].items():
         out[f"{name} front"], out[f"{name} prices"] = front_table(problem), price_list(problem)
-    return {"checks/trade.md": out, "methods.md": {"hertz": hertz_table(stored)}}
+    return {"checks/trade.md": out, "checks/methods.md": {"hertz": hertz_table(stored)}}
 
 
 def show(stored: Row) -> None:

@@ -154,7 +154,7 @@ def test_a_failed_setting_is_a_row(modules: Any, monkeypatch: pytest.MonkeyPatch
 
 
 def test_the_pages_show_what_is_stored(modules: Any) -> None:
-    """The tables in docs/checks/trade.md and docs/methods.md are those of results/trade.json."""
+    """The tables in docs/checks/trade.md and docs/checks/methods.md are those of results/trade.json."""
     tables = modules["trade_tables"]
     stored = json.loads(modules["trade"].STORED.read_text(encoding="utf-8"))
     for page, wanted in tables.tables(stored).items():

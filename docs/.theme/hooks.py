@@ -1,13 +1,15 @@
 """What the build of the pages does beside its plugins.
 
 Formulas become MathML, which browsers draw without scripts; the version comes from the package; search
-works from the disk; and the examples get the form that the gallery wants: titles, and their picture.
+works from the disk, and finds pages by what engineers call things (search_words.json); and the examples
+get the form that the gallery wants: titles, and their picture.
 """
 
 from __future__ import annotations
 
 import ast
 import html
+import json
 import re
 import shutil
 from pathlib import Path
@@ -18,6 +20,7 @@ from mkdocs.plugins import event_priority
 
 ROOT = Path(__file__).parents[2]
 PREPARED = ROOT / "out" / "gallery"  # not under version control
+SEARCH_WORDS = json.loads(Path(__file__).with_name("search_words.json").read_text(encoding="utf-8"))
 FORMULA = re.compile(r'<(span|div) class="arithmatex">(.*?)</\1>', re.DOTALL)
 
 
@@ -37,6 +40,13 @@ def on_config(config: Any) -> Any:
         prepare_examples(Path(config.docs_dir))
         config.plugins["gallery"].config["examples_dirs"] = [PREPARED]
     return config
+
+
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+    """The words of the trade that lead to a page: the search ranks tags before titles and text."""
+    if page.file.src_uri in SEARCH_WORDS:
+        page.meta["tags"] = SEARCH_WORDS[page.file.src_uri]
+    return markdown
 
 
 def prepare_examples(docs: Path) -> None:
