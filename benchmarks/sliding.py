@@ -152,7 +152,9 @@ def main() -> None:
     if increments == 200:
         STORED.parent.mkdir(exist_ok=True)
         STORED.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-        write_into(Path(__file__).parents[1] / "docs" / "checks" / "performance.md", table(found), MARKS)
+        write_into(
+            Path(__file__).parents[1] / "docs" / "checks" / "performance.md", table(found), MARKS
+        )
 
 
 if __name__ == "__main__":
