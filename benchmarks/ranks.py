@@ -8,7 +8,7 @@ round. The first linear problem is symmetric (all points stick), those after it 
 
 Bodies are assembled rank by rank; with --whole rank 0 assembles them and holds their stiffness, which
 is what the others are compared with. Stores benchmarks/results/ranks.json; with --write the tables go
-into docs/petsc.md.
+into docs/checks/petsc.md.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ import numpy as np
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent / "tests"))
 STORED = HERE / "results" / "ranks.json"
-PAGE = HERE.parent / "docs" / "petsc.md"
+PAGE = HERE.parent / "docs" / "checks" / "petsc.md"
 PLANNED = (1e6, 1e7, 1e8, 1e9)  # DOFs
 ITERATES = 3  # nonlinear iterations that are measured: one symmetric, the others not
 PARTED = (2, 4, 16, 64)  # ranks whose exchanges are counted, without running them

@@ -12,7 +12,7 @@ one run, one after the other:
 * `one process`: the default, on rank 0, with the answers that the others are compared with.
 
 Ratios of times are of one run. Stores benchmarks/results/ranks_condensed.json; with --write the table
-goes into docs/petsc.md.
+goes into docs/checks/petsc.md.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ import numpy as np
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent / "tests"))
 STORED = HERE / "results" / "ranks_condensed.json"
-PAGE = HERE.parent / "docs" / "petsc.md"
+PAGE = HERE.parent / "docs" / "checks" / "petsc.md"
 INCREMENTS = 10  # of a history
 CORES = 2  # of the machine
 PLANNED, PER_RANK = (1e6, 1e7, 1e8), 250e3  # DOFs

@@ -6,7 +6,7 @@ two meshes glued where they stand (``tied=True``), with the best of this library
 with ``skfem.solve`` (SuperLU) on the same matrix.
 
 Run ``OPENBLAS_NUM_THREADS=1 python benchmarks/sliding.py [increments] [dofs]``. With 200 increments it
-stores results/sliding.json and writes the table of docs/sliding.md.
+stores results/sliding.json and writes a table of docs/checks/performance.md.
 """
 
 from __future__ import annotations
@@ -152,7 +152,9 @@ def main() -> None:
     if increments == 200:
         STORED.parent.mkdir(exist_ok=True)
         STORED.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-        write_into(Path(__file__).parents[1] / "docs" / "sliding.md", table(found), MARKS)
+        write_into(
+            Path(__file__).parents[1] / "docs" / "checks" / "performance.md", table(found), MARKS
+        )
 
 
 if __name__ == "__main__":

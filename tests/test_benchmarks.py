@@ -183,9 +183,14 @@ STORED: list[tuple[str, str, str, Table]] = [  # page, module, stored run, the t
     ),
     ("docs/checks/performance.md", "pairing", "pairing", lambda run, found: run.table(found["rows"])),
     ("docs/checks/performance.md", "iterations", "iterations", lambda run, found: run.table(found)),
-    ("docs/sliding.md", "sliding", "sliding", lambda run, found: run.table(found)),
+    ("docs/checks/performance.md", "sliding", "sliding", lambda run, found: run.table(found)),
     ("docs/checks/audit.md", "audit", "audit", lambda run, found: run.table(found["rows"])),
-    ("docs/assemblies.md", "found_contacts", "found_contacts", lambda run, found: run.table(found)),
+    (
+        "docs/checks/performance.md",
+        "found_contacts",
+        "found_contacts",
+        lambda run, found: run.table(found),
+    ),
     ("docs/checks/audit.md", "audit", "audit", lambda run, found: run.imports_table(found["imports"])),
     (
         "docs/checks/effectivity.md",
@@ -330,7 +335,7 @@ def test_tables_of_condensed_ranks_are_those_of_the_stored_runs(
 
     runs = json.loads(ranks_condensed.STORED.read_text(encoding="utf-8"))
     found = ranks_condensed.tables(runs)
-    assert {name: marked("petsc.md", name) for name in found} == found
+    assert {name: marked("checks/petsc.md", name) for name in found} == found
     assert max(run["ways"]["condensed"]["away"] for run in runs) < 1e-9
 
 
@@ -340,7 +345,8 @@ def test_tables_of_ranks_are_those_of_the_stored_runs(monkeypatch: pytest.Monkey
     import ranks
 
     runs = json.loads(ranks.STORED.read_text(encoding="utf-8"))
-    assert {name: marked("petsc.md", name) for name in ("measured", "plan")} == ranks.tables(runs)
+    shown = {name: marked("checks/petsc.md", name) for name in ("measured", "plan")}
+    assert shown == ranks.tables(runs)
     for size in {run["elements"] for run in runs}:
         first = [run["solves"][0]["iterations"] for run in runs if run["elements"] == size]
         assert max(first) <= min(40, 1.2 * min(first))

@@ -82,10 +82,10 @@ class Options:
     def fast(cls) -> Options:
         """For finite sliding in a hurry: pairings are iterated to 1e-3 of the largest force.
 
-        It saves time where ``sliding="finite"`` pairs anew, above all with mortar; docs/checks/trade.md
-        and docs/sliding.md have the times and errors. The pairing of small sliding is given, and
-        `newton` ends with round-off: nothing changes there. ``tolerance=1e-4`` is for the loops
-        `direct` and `fictitious`.
+        It saves time where ``sliding="finite"`` pairs anew, above all with mortar; the times and errors
+        are in docs/checks/trade.md and docs/checks/performance.md. The pairing of small sliding is
+        given, and `newton` ends with round-off: nothing changes there. ``tolerance=1e-4`` is for the
+        loops `direct` and `fictitious`.
         """
         return cls(tolerance=1e-4, placement_tolerance=1e-3)
 
@@ -102,7 +102,8 @@ class Options:
         """For comparisons of answers with each other: pairings are iterated to 1e-8.
 
         Errors stay those of the mesh, forces move in the sixth digit, at up to twice the time
-        (docs/checks/trade.md, docs/sliding.md). Nothing changes with small sliding, see `fast`.
+        (docs/checks/trade.md, docs/checks/performance.md). Nothing changes with small sliding, see
+        `fast`.
         """
         return cls(placement_tolerance=1e-8)
 
