@@ -199,7 +199,7 @@ def labelled(words: str, kind: str, units: Mapping[str, str]) -> str:
 def quantity(value: float, kind: str, units: Mapping[str, str]) -> str:
     """A number in words with its unit.
 
-    >>> quantity(104.73, "stress", {"stress": "MPa"})
-    '105 MPa'
+    >>> quantity(104.73, "stress", {"stress": "MPa"}), quantity(1363.2, "stress", {})
+    ('105 MPa', '1360')
     """
-    return f"{value:.3g} {units.get(kind, '')}".strip()
+    return f"{float(f'{value:.3g}'):g} {units.get(kind, '')}".strip()

@@ -97,7 +97,9 @@ def scene(
         grid.point_data[label] = value
         skin = _skin(pyvista, grid)
         style = {"cmap": cmap, "clim": limits(values), "nan_color": PLAIN, "ambient": 0.25}
-        style["scalar_bar_args"] = {"title": f"{label}\n", "color": "black", "fmt": "%.3g"}
+        bar = {"title": f"{label}\n", "color": "black", "fmt": "%.3g"}
+        # wide labels of the last tick stay in the picture
+        style["scalar_bar_args"] = {**bar, "width": 0.5, "position_x": 0.3}
         plotter.add_mesh(skin, scalars=label, **style)
         _add(plotter, skin.extract_feature_edges(30.0), color=LINES, line_width=1.5)
         low, high = np.minimum(low, grid.points.min(axis=0)), np.maximum(high, grid.points.max(axis=0))
@@ -121,7 +123,8 @@ def _chosen(result: ContactResult, bodies: Sequence[Member | str] | None) -> lis
     if bodies is None:
         return solids
     usage = "give bodies of the result, or their names"
-    given = [bodies] if isinstance(bodies, str) else members(bodies, object, "bodies", usage)
+    # of either kind: a string is one name, not a sequence of letters
+    given = members(bodies, (Member, str), "bodies", usage, "Body or name")
     wished = [result.system.bodies[result.system.index(body)] for body in given]
     found = [body for body in solids if any(body is own for own in wished)]
     if not found:
