@@ -22,6 +22,7 @@ from skfem_contact.output.drawing import (
     PLAIN,
     SHORTEST,
     arc_length,
+    colour_bar,
     draw_faces,
     draw_lines,
     is_solid,
@@ -168,7 +169,7 @@ def plot_deformed(
     if remarks:
         note(ax, remarks, None if solid else np.concatenate(seen.nodes(result)))
     shape = {"shrink": 0.7, "pad": 0.13} if solid else {"shrink": 0.85, "pad": 0.02}
-    ax.figure.colorbar(image, ax=ax, label=label or colour_name(stress, component, words), **shape)
+    colour_bar(ax, image, label or colour_name(stress, component, words), **shape)
     ax.set_title(seen.words)
     for axis in "xyz"[: box[0].size]:
         if getattr(ax, f"get_{axis}label")() or not solid:  # those of flat solids stay empty
