@@ -24,6 +24,8 @@ from skfem_contact.sealed import sealed
 
 Array = NDArray[np.float64]
 Stress = Callable[[Body, Array], Array] | str
+#: What a picture shows: one field, or one under a name of the user's.
+OneStress = Stress | Mapping[str, Stress]
 
 KINDS = ("length", "force", "stress", "area", "energy", "time")
 UNITS = "give a dict such as {'length': 'mm', 'force': 'N', 'stress': 'MPa'}"

@@ -18,7 +18,15 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import STATUS
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.output.drawing import ABOVE, FRICTION, PRESSURE, SHADES, new_axes, which
+from skfem_contact.output.drawing import (
+    ABOVE,
+    FRICTION,
+    PRESSURE,
+    SHADES,
+    new_axes,
+    short_numbers,
+    which,
+)
 from skfem_contact.output.fields import checked_units, labelled
 from skfem_contact.output.tools import Tool, tools
 
@@ -176,6 +184,7 @@ def plot_force(
         xlabel=labelled(f"displacement of {name} along {towards}", "length", words),
         ylabel=labelled(f"force along {towards}", "force", words),
     )
+    short_numbers(ax)
     ax.spines[["top", "right"]].set_visible(False)
     return ax
 

@@ -13,7 +13,14 @@ from skfem_contact.arguments import known_keywords, members
 from skfem_contact.bodies.member import Member
 from skfem_contact.errors import InputError
 from skfem_contact.output.drawing import FRICTION, LINES, LONGEST, PLAIN, TOOL, is_solid, limits
-from skfem_contact.output.fields import Stress, body_cells, body_nodes, checked_units, quantity, three
+from skfem_contact.output.fields import (
+    OneStress,
+    body_cells,
+    body_nodes,
+    checked_units,
+    quantity,
+    three,
+)
 from skfem_contact.output.grids import vtk_numbers
 from skfem_contact.output.plot_bodies import colour_name, colours
 from skfem_contact.output.view import View, placed_tools, view, with_tools
@@ -25,7 +32,7 @@ Array = NDArray[np.float64]
 def scene(
     result: ContactResult,
     scale: float | Literal["auto"] = "auto",
-    stress: Stress | None = None,
+    stress: OneStress | None = None,
     *,
     bodies: Sequence[Member | str] | None = None,
     component: str | None = None,
