@@ -39,8 +39,8 @@ loads = [10.0, 250.0, 2500.0]
 turn = 0.05  # radians: enough for all points to slip
 
 # %% The socket: a grid of angles and depths, bent to a part of a hollow sphere
-fine = np.linspace(0, 0.25, 9)
-half = np.append(fine, [0.30, 0.37, 0.46, 0.58, 0.72, 0.87, 1.02])
+fine = np.linspace(0, 0.25, 8)
+half = np.append(fine, [0.30, 0.39, 0.52, 0.68, 0.85, 1.02])
 angles, depths = np.append(-half[:0:-1], half), np.array([0, 0.25, 0.6, 1.2, 2.3, 4.5, wall])
 grid = fem.MeshHex.init_tensor(angles, angles, -depths[::-1])
 a, b, depth = grid.p

@@ -46,7 +46,7 @@ PARTS = {
     "wear": (0.0, 0.0, 0.36, 1.0),
     "fretting_map": (0.0, 0.0, 0.6, 1.0),
     "fretting_calibration": WHOLE,
-    "squeal": WHOLE,
+    "squeal": (0.0, 0.0, 0.5, 1.0),
 }
 #: The largest width and height [pixels], and the number of colours.
 SIZE, COLOURS = (400, 280), 64
