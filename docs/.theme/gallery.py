@@ -68,7 +68,7 @@ def thumbnail(picture: Path, file: Path) -> None:
         part = image.convert("RGB").crop(
             (round(left * wide), round(top * high), round(right * wide), round(bottom * high))
         )
-    part.thumbnail(SIZE, Image.Resampling.LANCZOS)
+    part.thumbnail(SIZE, Image.LANCZOS)
     file.parent.mkdir(parents=True, exist_ok=True)
     part.save(file)
 
