@@ -13,7 +13,8 @@ Under a small load the contact is a small circle, and Hertz holds with the diffe
 Friction while it is pressed makes the pressure some percent larger than that of Hertz. Under a large
 load the contact is a wide cap, and the torque of spin is less than by this formula. It is also less
 than mu P R, which is the torque of a half sphere under the pressure p0 cos(angle). The torque
-of swing is mu P R for a small contact, and a little more for a wide one.
+of swing is mu P R for a small contact, and a little more for a wide one. Under the
+smallest load both torques are found to 2 %.
 
 Run ``python examples/ball_joint.py [folder]``: a table, files for ParaView, and a picture.
 """
