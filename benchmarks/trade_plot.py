@@ -12,6 +12,10 @@ from trade_tables import front
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 COLOURS = {"P1": "C0", "Q1": "C1", "P2": "C2", "Q2": "C3"}
 STYLES = {"node": "o--", "mortar": "s-"}
+#: Of each setting: the quantity over that of the base, marker, colour and name.
+MARKS = (("time ratio", "|", "C0", "time"), ("error ratio", "o", "C3", "error"))
+#: A factor below which a time or an error is that of the base: times differ by as much in two runs.
+SEEN = 1.15
 Row = dict[str, Any]
 
 
@@ -78,23 +82,32 @@ def hertz(stored: Row, folder: Path) -> Path:
 
 
 def prices(stored: Row, folder: Path) -> Path:
-    """Time and error of every setting over those of the base of its problem."""
-    figure, axes = plt.subplots(2, 2, figsize=(11, 14), layout="constrained")
-    for ax, problem in zip(axes.flat, stored["problems"].values(), strict=True):
+    """Time and error over those of the base: the settings that change one of them, quickest first."""
+    shown = {}
+    for problem in stored["problems"].values():
         rows = [r for r in problem["rows"] if r["axis"] not in ("base", "front") and "failed" not in r]
-        place = range(len(rows))
-        ax.axvline(1.0, color="0.6", lw=1)
-        for key, marker, colour in (("time ratio", "|", "C0"), ("error ratio", "o", "C3")):
-            values = [r[key] for r in rows]
-            ax.plot(values, place, marker, color=colour, ms=9 if marker == "|" else 5, mew=2)
-        ax.set_yticks(place, [f"{r['axis']} {r['label']}" for r in rows], fontsize=8)
-        ax.set(xscale="log", title=problem["title"], xlabel="over the base")
-        plain_numbers(ax.xaxis)
-        ax.grid(axis="y", alpha=0.25)
-        ax.invert_yaxis()
-    handles = [plt.Line2D([], [], color="C0", marker="|", ls="", mew=2, ms=9, label="time")]
-    handles += [plt.Line2D([], [], color="C3", marker="o", ls="", label="error")]
-    axes[0, 0].legend(handles=handles, frameon=False, loc="lower right")
+        seen = [r for r in rows if any(not 1 / SEEN < r[key] < SEEN for key, *_ in MARKS)]
+        title = f"{problem['title']} ({len(rows) - len(seen)} more are within {SEEN - 1:.0%})"
+        shown[title] = sorted(seen, key=lambda r: r["time ratio"])
+    columns = [list(shown.items())[::2], list(shown.items())[1::2]]
+    figure = plt.figure(figsize=(11, 9), layout="constrained")
+    for part, column in zip(figure.subfigures(1, 2), columns, strict=True):
+        heights = [len(rows) + 3 for _, rows in column]
+        axes = part.subplots(len(column), 1, height_ratios=heights, squeeze=False)[:, 0]
+        for ax, (title, rows) in zip(axes, column, strict=True):
+            place = range(len(rows))
+            ax.axvline(1.0, color="0.6", lw=1)
+            for key, marker, colour, label in MARKS:
+                values = [r[key] for r in rows]
+                ax.plot(values, place, marker, color=colour, ms=11 if marker == "|" else 6, mew=2.5)
+                ax.plot([], [], marker, color=colour, mew=2.5, label=label)
+            ax.set_yticks(place, [f"{r['axis']} {r['label']}" for r in rows])
+            ax.set(xscale="log", xlabel="over the base")
+            ax.set_title(title, fontsize="medium", loc="left")
+            plain_numbers(ax.xaxis)
+            ax.grid(axis="y", alpha=0.25)
+            ax.invert_yaxis()
+    figure.axes[0].legend(frameon=False, loc="center right")
     return saved(figure, folder / "trade_prices.png")
 
 

@@ -16,15 +16,22 @@ fewer.
 From a start where everything sticks no force depends on friction. The Jacobian says so in words, and
 there an optimiser would stop: the start has to slip.
 
-Run ``python examples/fretting_calibration.py``.
+Run ``python examples/fretting_calibration.py [folder]``: numbers, and a picture.
 """
 
+import sys
+from pathlib import Path
+
+import matplotlib.pyplot as plt
 import numpy as np
 import skfem as fem
 from scipy.optimize import least_squares
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
+
+out = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "out"
+out.mkdir(parents=True, exist_ok=True)
 
 # %% Numbers: N, mm, MPa
 E_base, nu = 210e3, 0.3
@@ -117,3 +124,14 @@ error = max(error, 0.0 if 2 * with_derivatives <= histories else 1.0)
 stuck = solver_of((5.0, 1.0)).jacobian(loop, steps, by=["friction", "stiffness"])
 print(f"from a start where everything sticks: rank {stuck.rank}. {stuck.words}")
 assert stuck.rank == 1
+
+# %% Picture: the loop that is measured, of the start, and found
+figure, ax = plt.subplots(figsize=(5, 3.8), layout="constrained")
+moved = 1e3 * amplitude * np.sin(phase)
+ax.plot(moved, measured, "ko", ms=4, label="measured")
+ax.plot(moved, at(start).values, color="#999999", label="start")
+ax.plot(moved, at(found.x).values, color="#20618d", label="found")
+ax.set(xlabel="displacement of the top [µm]", ylabel="force [N/mm]")
+ax.legend(frameon=False)
+ax.spines[["top", "right"]].set_visible(False)
+figure.savefig(out / "fretting_calibration.png", dpi=90)

@@ -118,8 +118,14 @@ def file_path(value: Any) -> Path:
         raise InputError(f"path is {shown(value)}; give the name of a file, or a Path") from None
 
 
-def members(value: Any, kind: type, what: str, usage: str, called: str = "") -> list[Any]:
-    """One object of a kind, or several of them; `called` in messages, if not by its own name."""
+def members(value: Any, kind: Any, what: str, usage: str, called: str = "") -> list[Any]:
+    """One object of a kind, or several of them; `called` in messages, if not by its own name.
+
+    Of one of several kinds, if `kind` is a tuple: `called` is then needed.
+
+    >>> members("disc", (str, int), "bodies", "give names", "name"), members((1, 2), int, "n", "")
+    (['disc'], [1, 2])
+    """
     called = called or kind.__name__
     try:
         found = [value] if isinstance(value, kind) else list(value)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import builtins
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -459,6 +460,44 @@ def test_force_over_displacement() -> None:
         sc.output.plot_force(results, "block")
     with pytest.raises(sc.errors.InputError, match="no body 'flor'; did you mean 'floor'"):
         sc.output.plot_force(results, "flor")
+
+
+@pytest.mark.parametrize("depth", [1e-2, 3.3e-5, 3.3e-9])
+def test_numbers_of_a_force_are_short(depth: float) -> None:
+    """At most seven at an axis, of at most five characters, and beside each other and the labels."""
+    from matplotlib.cbook import strip_math
+
+    ax = sc.output.plot_force(list(pressed(depth=depth).history([0.1, 0.6, 1.03])), "block", "top")
+    ax.figure.canvas.draw()
+    words = [ax.xaxis.label, ax.yaxis.label]
+    for axis in (ax.xaxis, ax.yaxis):
+        low, high = axis.get_view_interval()
+        ticks = [t for t in axis.get_major_ticks() if low <= t.get_loc() <= high]
+        assert 3 <= len(ticks) <= 7
+        assert max(len(strip_math(t.label1.get_text())) for t in ticks) <= 5
+        words += [t.label1 for t in ticks] + [axis.get_offset_text()]
+    boxes = [word.get_window_extent() for word in words if word.get_text()]
+    for i, a in enumerate(boxes):
+        for b in boxes[:i]:
+            assert min(a.x1, b.x1) - max(a.x0, b.x0) < 1 or min(a.y1, b.y1) - max(a.y0, b.y0) < 1
+
+
+def test_a_colour_bar_has_the_name_of_its_function() -> None:
+    """A function's own name in words, that of a partial, "stress" for a lambda, or the user's words."""
+
+    def _hoop_stress(body: sc.Body, u: np.ndarray) -> np.ndarray:
+        return sc.von_mises(body, u, E=1.0, nu=0.0)
+
+    result, units = pressed(levels=1).solve(), {"stress": "MPa"}
+    names = {
+        "hoop stress [MPa]": _hoop_stress,
+        "von Mises stress [MPa]": partial(sc.von_mises, E=1.0, nu=0.0),
+        "stress [MPa]": lambda body, u: _hoop_stress(body, u),
+        "stress_xx, rough [MPa]": {"stress_xx, rough": _hoop_stress},
+    }
+    for name, stress in names.items():
+        ax = sc.plot_deformed(result, stress=stress, units=units)
+        assert ax.figure.axes[-1].get_ylabel() == name
 
 
 def test_gaps_that_are_not_magnified_are_said() -> None:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import combinations
 from typing import Any
 
 import internals
 import numpy as np
 import pytest
+import skfem as fem
 from numpy.testing import assert_allclose
+from quick_elasticity import linear_elasticity
 from solid_meshes import KINDS, at, cube, elastic
 
 import skfem_contact as sc
@@ -158,6 +161,85 @@ def test_nothing_touches() -> None:
     ax = sc.plot_contact(result)
     assert_allclose(areas(corners(faces(ax))).sum(), 1.0)
     assert ax.get_legend() is None
+
+
+# -- what stands in a picture stands beside each other --------------------------------------------
+
+#: Sides of a block and the shape below it: flat faces, slender boxes, parts of a face, nothing at all.
+SCENES: dict[str, tuple[tuple[float, float, float], Any, float]] = {
+    "roller": ((3, 1, 0.6), sc.RigidCylinder((1.5, 0.5, -2), 2.0, axis=(0, 1, 0)), 0.01),
+    "slender": ((6, 0.5, 0.3), sc.RigidPlane((0, 0, 0), (0, 0, 1)), 0.002),
+    "tall": ((0.3, 0.3, 2), sc.RigidPlane((0, 0, 0), (0, 0, 1)), 0.02),
+    "flat": ((1, 1, 0.6), sc.RigidPlane((0, 0, 0), (0, 0, 1)), 0.01),
+    "ball": ((1, 1, 0.6), sc.RigidSphere((0.5, 0.5, -2), 2.0), 0.02),
+    "open": ((1, 1, 0.6), sc.RigidPlane((0, 0, -0.1), (0, 0, 1)), 0.0),
+}
+
+
+def pushed(scene: str) -> sc.answers.ContactResult:
+    """The shape is moved up, and a little aside, against the block, whose upper side is held."""
+    sides, shape, up = SCENES[scene]
+    mesh = fem.MeshHex.init_tensor(
+        *(np.linspace(0, a, n) for a, n in zip(sides, (7, 7, 3), strict=True))
+    ).with_boundaries({"low": lambda x: x[2] == 0, "high": lambda x: x[2] == sides[2]})
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
+    block = sc.Body(basis, linear_elasticity(400.0, 400.0), D="high", name="block")
+    shape = replace(shape, name="shape")
+    contact = sc.Contact(block.surface("low"), shape, friction=sc.Coulomb(0.3), name="joint")
+    step = {"motion": {"shape": (0.3 * up, 0.0, up)}}
+    return next(sc.ContactSolver([block], [contact]).history([step]))
+
+
+def stands(ax: Any) -> dict[str, Any]:
+    """The boxes of all words of a picture, of its colour bar, and of the faces."""
+    from matplotlib.transforms import Bbox
+
+    ax.figure.canvas.draw()
+    boxes = {"title": ax.title, **{f"note {i}": text for i, text in enumerate(ax.texts)}}
+    if ax.get_legend() is not None:
+        boxes["legend"] = ax.get_legend()
+    for name in "xyz":
+        axis = getattr(ax, f"{name}axis")
+        low, high = axis.get_view_interval()
+        ticks = [tick for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+        boxes |= {f"{name} = {tick.get_loc()}": tick.label1 for tick in ticks}
+        boxes |= {f"{name} label": axis.label} if axis.label.get_text() else {}
+    boxes = {name: artist.get_window_extent() for name, artist in boxes.items()}
+    boxes["colour bar"] = ax.figure.axes[-1].get_tightbbox()
+    drawn = np.concatenate([path.vertices for path in faces(ax).get_paths()])
+    at = ax.transData.transform(drawn)
+    boxes["faces"] = Bbox([at.min(axis=0), at.max(axis=0)])
+    return boxes
+
+
+@pytest.mark.filterwarnings("ignore:.*over the length of one facet")  # few faces are enough here
+@pytest.mark.parametrize(
+    "scene",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name not in ("roller", "slender")))
+        for name in SCENES
+    ],
+)
+@pytest.mark.parametrize("draw", [sc.plot_contact, sc.plot_deformed])
+def test_words_do_not_cover_each_other(scene: str, draw: Any) -> None:
+    """No legend, label, number or colour bar on another, nor on the faces, nor beyond the figure."""
+    ax = draw(pushed(scene), units={"length": "mm", "stress": "MPa"})
+    boxes = stands(ax)
+    labels = {name for name in boxes if name[0] in "xyz"}
+    for (one, a), (other, b) in combinations(boxes.items(), 2):
+        if other == "faces" and one in labels | {"note 0"}:
+            continue  # the box of a turned face is larger than the face
+        wide, high = min(a.x1, b.x1) - max(a.x0, b.x0), min(a.y1, b.y1) - max(a.y0, b.y0)
+        assert wide < 1 or high < 1, f"{one} and {other} overlap by {wide:.0f} x {high:.0f} pixels"
+    edge = ax.figure.bbox
+    for name, box in boxes.items():
+        assert box.x0 > -1 and box.y0 > -1 and box.x1 < edge.x1 + 1 and box.y1 < edge.y1 + 1, name
+
+
+def test_a_bar_of_one_value_names_it() -> None:
+    """Where nothing presses the bar says 0, and has no negative pressures."""
+    ax = sc.plot_contact(pushed("open"))
+    assert ax.figure.axes[-1].get_yticks().tolist() == [0.0]
 
 
 # -- files ----------------------------------------------------------------------------------------

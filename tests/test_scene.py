@@ -56,6 +56,20 @@ def test_bodies_are_where_they_are(kind: str) -> None:
     plotter.close()
 
 
+def test_bodies_are_chosen_by_name_or_object_alone_or_in_a_list() -> None:
+    """All four ways draw the same body, and leave out the second."""
+    pytest.importorskip("pyvista", reason=HINT)
+    upper, lower = (elastic(cube("quad4", 1), "quad4", name) for name in ("upper", "lower"))
+    planes = sc.RigidPlane((0, 0, 0), (0, 0, 1)), sc.RigidPlane((0, 0, 1), (0, 0, -1))
+    lower_glue = sc.Contact(lower.surface(at(2, 0.0)), planes[0], tied=True)
+    upper_glue = sc.Contact(upper.surface(at(2, 1.0)), planes[1], tied=True)
+    result = sc.ContactSolver([upper, lower], [lower_glue, upper_glue]).solve()
+    for bodies in ("upper", ["upper"], upper, (upper,)):
+        plotter = sc.output.scene(result, bodies=bodies, arrows=False, off_screen=True)
+        assert len(drawn(plotter)) == 4  # skin and edges, and the two planes
+        plotter.close()
+
+
 def test_a_scene_is_a_picture() -> None:
     """Off-screen, on a white ground: the cube covers a good part of it, in its colours."""
     pytest.importorskip("pyvista", reason=HINT)

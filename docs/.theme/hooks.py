@@ -12,11 +12,15 @@ import html
 import json
 import re
 import shutil
+import sys
 from pathlib import Path
 from typing import Any
 
 from latex2mathml.converter import convert
 from mkdocs.plugins import event_priority
+
+sys.path.insert(0, str(Path(__file__).parent))
+from gallery import Order, thumbnail, with_few_colours
 
 ROOT = Path(__file__).parents[2]
 PREPARED = ROOT / "out" / "gallery"  # not under version control
@@ -38,7 +42,8 @@ def on_config(config: Any) -> Any:
     config.extra["polyfills"] = ["assets/javascripts/iframe-worker-shim.js"]
     if "gallery" in config.plugins:
         prepare_examples(Path(config.docs_dir))
-        config.plugins["gallery"].config["examples_dirs"] = [PREPARED]
+        settings = config.plugins["gallery"].config
+        settings["examples_dirs"], settings["within_subsection_order"] = [PREPARED], Order
     return config
 
 
@@ -74,7 +79,10 @@ def for_gallery(path: Path, docs: Path) -> str:
     body = re.sub(
         r"^# %% +(.)(.*)$", lambda m: f"# %%\n# ## {m[1].upper()}{m[2]}", rest, flags=re.MULTILINE
     )
-    end = f"\n# mkdocs_gallery_thumbnail_path = '{picture}'\n" if shown else ""
+    small, end = f"gallery/parts/{path.stem}.png", ""
+    if shown:
+        thumbnail(docs / picture, docs / small)
+        end = f"\n# mkdocs_gallery_thumbnail_path = '{small}'\n"
     return f"{quotes}# {first.split(':')[0].rstrip('.')}\n\n{first}\n{shown}{moving}{body}{end}"
 
 
@@ -93,6 +101,8 @@ def on_page_content(content: str, /, *, page: Any, config: Any, **kwargs: Any) -
 
 
 def on_post_build(config: Any) -> None:
-    """What is downloaded is the example itself, not what was made of it for the page."""
+    """Small thumbnails; and what is downloaded is the example itself, not what was made of it."""
     for path in (ROOT / "examples").glob("*.py"):
         shutil.copy(path, Path(config.site_dir) / "gallery" / path.name)
+    with_few_colours(Path(config.site_dir) / "gallery/images/thumb")
+    shutil.rmtree(Path(config.site_dir) / "gallery/parts")  # the thumbnails were made of them

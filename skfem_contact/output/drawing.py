@@ -111,7 +111,7 @@ def new_figure(size: tuple[float, float]) -> Any:
 def solid_axes(ax: Any, size: tuple[float, float]) -> Any:
     """The same in space; what is drawn later stands before what is drawn first."""
     if ax is None:
-        ax = _pyplot().figure(figsize=size).add_subplot(projection="3d")
+        ax = new_figure(size).add_subplot(projection="3d")
     if not hasattr(ax, "zaxis"):
         raise InputError(
             "these axes are plane, the picture is not: take figure.add_subplot(projection='3d')"
@@ -119,6 +119,24 @@ def solid_axes(ax: Any, size: tuple[float, float]) -> Any:
     ax.computed_zorder = False
     ax.set_proj_type("ortho")
     return ax
+
+
+def colour_bar(ax: Any, image: Any, label: str, **where: Any) -> None:
+    """The bar of colours; where all values are equal it names this one, and no range around it."""
+    low, high = image.get_clim()
+    same = low == high
+    ax.figure.colorbar(image, ax=ax, label=label, ticks=[low] if same else None, **where)
+
+
+def short_numbers(ax: Any) -> None:
+    """A few round numbers at both axes, with a common power of ten where they are small or large."""
+    from matplotlib.ticker import MaxNLocator, ScalarFormatter  # optional, and slow to import
+
+    for axis in (ax.xaxis, ax.yaxis):
+        if isinstance(axis.get_major_formatter(), ScalarFormatter):  # not those of the user's axes
+            axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
+            axis.get_major_formatter().set_powerlimits((-3, 5))
+            axis.get_major_formatter().set_useMathText(True)
 
 
 def which(result: ContactResult, contact: Contact | str | int | None) -> int:

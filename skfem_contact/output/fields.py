@@ -24,6 +24,8 @@ from skfem_contact.sealed import sealed
 
 Array = NDArray[np.float64]
 Stress = Callable[[Body, Array], Array] | str
+#: What a picture shows: one field, or one under a name of the user's.
+OneStress = Stress | Mapping[str, Stress]
 
 KINDS = ("length", "force", "stress", "area", "energy", "time")
 UNITS = "give a dict such as {'length': 'mm', 'force': 'N', 'stress': 'MPa'}"
@@ -199,7 +201,7 @@ def labelled(words: str, kind: str, units: Mapping[str, str]) -> str:
 def quantity(value: float, kind: str, units: Mapping[str, str]) -> str:
     """A number in words with its unit.
 
-    >>> quantity(104.73, "stress", {"stress": "MPa"})
-    '105 MPa'
+    >>> quantity(104.73, "stress", {"stress": "MPa"}), quantity(1363.2, "stress", {})
+    ('105 MPa', '1360')
     """
-    return f"{value:.3g} {units.get(kind, '')}".strip()
+    return f"{float(f'{value:.3g}'):g} {units.get(kind, '')}".strip()

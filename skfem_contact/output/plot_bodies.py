@@ -21,6 +21,7 @@ from skfem_contact.output.drawing import (
     PLAIN,
     arc_length,
     arrow_heads,
+    colour_bar,
     draw_faces,
     draw_lines,
     is_solid,
@@ -30,7 +31,7 @@ from skfem_contact.output.drawing import (
 )
 from skfem_contact.output.fields import (
     USAGE,
-    Stress,
+    OneStress,
     asked,
     body_cells,
     body_nodes,
@@ -52,7 +53,7 @@ Array = NDArray[np.float64]
 def plot_deformed(
     result: ContactResult,
     scale: float | Literal["auto"] = "auto",
-    stress: Stress | None = None,
+    stress: OneStress | None = None,
     ax: Any = None,
     *,
     arrows: bool = True,
@@ -77,7 +78,7 @@ def plot_deformed(
         that closed a gap g, as under a round tool, overlap by (s - 1) g in the picture, which says so
         where it is seen. "auto" keeps both small, and is never below one: what has moved far is drawn
         where it is. A translation that all bodies share is not magnified.
-    stress : str or callable, optional
+    stress : str, callable, or dict of one of them by name, optional
         The colours: the name of a field of `nodal_field`, such as "von_mises" or
         "equivalent_plastic_strain", where bodies without it stay grey; or ``stress(body, u)`` with a
         number, vector or tensor per node; by default the size of the displacement.
@@ -86,7 +87,8 @@ def plot_deformed(
     arrows : bool
         Draw the traction at closed points. The head is on the secondary surface.
     label : str, optional
-        Of the colour bar; by default the name of the function `stress`, and its unit.
+        Of the colour bar. By default the name of the function `stress` and the unit of stress, or
+        "stress" for a lambda; with ``stress={"hoop stress": function}`` the name given there.
     cmap : str
     component : str, optional
         Of a tensor, "xx", "xy", ...; of a vector "x", "y", "z".
@@ -164,7 +166,7 @@ def plot_deformed(
     if remarks:
         note(ax, remarks, None if solid else np.concatenate(seen.nodes(result)))
     shape = {"shrink": 0.7, "pad": 0.13} if solid else {"shrink": 0.85, "pad": 0.02}
-    ax.figure.colorbar(image, ax=ax, label=label or colour_name(stress, component, words), **shape)
+    colour_bar(ax, image, label or colour_name(stress, component, words), **shape)
     ax.set_title(seen.words)
     for axis in "xyz"[: box[0].size]:
         if getattr(ax, f"get_{axis}label")() or not solid:  # those of flat solids stay empty
@@ -180,11 +182,13 @@ def _window(window: Sequence[float]) -> Box:
     return edges[[0, 2]], edges[[1, 3]]
 
 
-def colour_name(stress: Stress | None, component: str | None, units: Mapping[str, str]) -> str:
+def colour_name(stress: OneStress | None, component: str | None, units: Mapping[str, str]) -> str:
     """Return the title of the colour bar."""
     if stress is None:
         return labelled("displacement", "length", units)
-    name = next(iter(asked(stress))).replace("_", " ")
+    name = next(iter(asked(stress)))
+    if not isinstance(stress, Mapping):  # names of functions; else the user's own words
+        name = name.strip("_").replace("_", " ")
     name = "von Mises stress" if name in ("von mises", "mises") else name
     kind = "" if name.endswith("strain") else "stress"
     return labelled(f"{name} {component or ''}".strip(), kind, units)
@@ -271,7 +275,9 @@ def _only(points: Array, keep: NDArray[np.bool_]) -> Array:
     return np.where(keep[:, None], points, np.nan)
 
 
-def colours(result: ContactResult, body: Body, stress: Stress | None, component: str | None) -> Array:
+def colours(
+    result: ContactResult, body: Body, stress: OneStress | None, component: str | None
+) -> Array:
     """A number per node."""
     u, nodes = result.displacement(body), body_nodes(body)
     if stress is None:

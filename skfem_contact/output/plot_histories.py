@@ -27,6 +27,7 @@ from skfem_contact.output.drawing import (
     SHADES,
     new_axes,
     new_figure,
+    short_numbers,
     which,
 )
 from skfem_contact.output.fields import checked_units, labelled
@@ -186,6 +187,7 @@ def plot_force(
         xlabel=labelled(f"displacement of {name} along {towards}", "length", words),
         ylabel=labelled(f"force along {towards}", "force", words),
     )
+    short_numbers(ax)
     ax.spines[["top", "right"]].set_visible(False)
     return ax
 

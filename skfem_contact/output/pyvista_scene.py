@@ -13,7 +13,14 @@ from skfem_contact.arguments import known_keywords, members
 from skfem_contact.bodies.member import Member
 from skfem_contact.errors import InputError
 from skfem_contact.output.drawing import FRICTION, LINES, LONGEST, PLAIN, TOOL, is_solid, limits
-from skfem_contact.output.fields import Stress, body_cells, body_nodes, checked_units, quantity, three
+from skfem_contact.output.fields import (
+    OneStress,
+    body_cells,
+    body_nodes,
+    checked_units,
+    quantity,
+    three,
+)
 from skfem_contact.output.grids import vtk_numbers
 from skfem_contact.output.plot_bodies import colour_name, colours
 from skfem_contact.output.view import View, placed_tools, view, with_tools
@@ -25,7 +32,7 @@ Array = NDArray[np.float64]
 def scene(
     result: ContactResult,
     scale: float | Literal["auto"] = "auto",
-    stress: Stress | None = None,
+    stress: OneStress | None = None,
     *,
     bodies: Sequence[Member | str] | None = None,
     component: str | None = None,
@@ -97,7 +104,9 @@ def scene(
         grid.point_data[label] = value
         skin = _skin(pyvista, grid)
         style = {"cmap": cmap, "clim": limits(values), "nan_color": PLAIN, "ambient": 0.25}
-        style["scalar_bar_args"] = {"title": f"{label}\n", "color": "black", "fmt": "%.3g"}
+        bar = {"title": f"{label}\n", "color": "black", "fmt": "%.3g"}
+        # wide labels of the last tick stay in the picture
+        style["scalar_bar_args"] = {**bar, "width": 0.5, "position_x": 0.3}
         plotter.add_mesh(skin, scalars=label, **style)
         _add(plotter, skin.extract_feature_edges(30.0), color=LINES, line_width=1.5)
         low, high = np.minimum(low, grid.points.min(axis=0)), np.maximum(high, grid.points.max(axis=0))
@@ -121,7 +130,8 @@ def _chosen(result: ContactResult, bodies: Sequence[Member | str] | None) -> lis
     if bodies is None:
         return solids
     usage = "give bodies of the result, or their names"
-    given = [bodies] if isinstance(bodies, str) else members(bodies, object, "bodies", usage)
+    # of either kind: a string is one name, not a sequence of letters
+    given = members(bodies, (Member, str), "bodies", usage, "Body or name")
     wished = [result.system.bodies[result.system.index(body)] for body in given]
     found = [body for body in solids if any(body is own for own in wished)]
     if not found:

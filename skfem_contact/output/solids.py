@@ -23,6 +23,7 @@ from skfem_contact.output.drawing import (
     LONGEST,
     PLAIN,
     arrow_heads,
+    colour_bar,
     limits,
     note,
     open_words,
@@ -37,6 +38,14 @@ Mask = NDArray[np.bool_]
 
 #: Where the viewer stands, seen from above.
 ASIDE = np.array([np.cos(-1.0), np.sin(-1.0), 0.0])
+
+# The box is drawn so much smaller than matplotlib does, which has no room for labels of long boxes.
+ZOOM = 0.85
+
+# Distances of the names and of the numbers of an axis from it, where matplotlib's own are 21 and 8 more
+# than its pads [pt], times the part of the diagonal of the box that lies across the axis (`_beside`).
+LABELS, TICKS = 21.0, 6.0
+
 STUCK = "#2f7d4f"
 #: Triangles into which a triangle is cut by the middles of its edges, as weights of its corners.
 QUARTERS = np.array(
@@ -57,14 +66,13 @@ def draw_contact(values: ContactValues, ax: Any, units: Mapping[str, str]) -> An
     eye = _eye(surface, shown, closed)
     ax = solid_axes(ax, (7.0, 5.2))
     x, colour = _pieces(surface, shown, surface.points, values.pressure)
-    image = _faces(ax, x, colour, "YlGnBu", (0.0, max(float(values.pressure.max(initial=0.0)), 1e-300)))
+    image = _faces(ax, x, colour, "YlGnBu", (0.0, float(values.pressure.max(initial=0.0))))
     seen = shown & (surface.facet_normals @ eye > 0)
     _edges(ax, surface, seen, surface.points)
     if len(values.contact_edges):
         _lines(ax, values.contact_edges, color="black", lw=1.4, label="edge of contact")
     _states(ax, values, seen, surface, units)
-    label = labelled("pressure", "stress", units)
-    ax.figure.colorbar(image, ax=ax, label=label, shrink=0.7, pad=0.13)
+    colour_bar(ax, image, labelled("pressure", "stress", units), shrink=0.7, pad=0.13)
     _look(ax, x.reshape(-1, 3), eye)
     ax.set_title(f"{values.name}: {surface.label}, seen from the other side", fontsize="medium")
     if not closed.any():
@@ -72,8 +80,9 @@ def draw_contact(values: ContactValues, ax: Any, units: Mapping[str, str]) -> An
     for axis in "xyz":
         if getattr(ax, f"get_{axis}label")():
             ax.set(**{f"{axis}label": labelled(axis, "length", units)})
-    if ax.get_legend_handles_labels()[1]:
-        ax.legend(loc="upper left", frameon=False, fontsize="small")
+    if ax.get_legend_handles_labels()[1]:  # below, where neither faces nor axes are
+        below = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 0.2}
+        ax.legend(**below, frameon=False, fontsize="small")
     return ax
 
 
@@ -99,7 +108,7 @@ def draw_bodies(
         outlines.append(_outline(surface, places, eye))
     low, high = limits(colours)
     x = np.concatenate(parts)
-    lines = np.concatenate(outlines) + 0.005 * float(np.ptp(x.reshape(-1, 3), axis=0).max()) * eye
+    lines = np.concatenate(outlines) + 0.02 * float(np.ptp(x.reshape(-1, 3), axis=0).max()) * eye
     image = _faces(ax, x, np.concatenate(shades), cmap, (low, high), lines)
     box = x.min(axis=(0, 1)), x.max(axis=(0, 1))
     if obstacles:
@@ -252,15 +261,34 @@ def _look(ax: Any, points: Array, eye: Array) -> None:
     room = np.maximum(0.5 * (least - (high - low)), 0.0)
     low, high = low - room, high + room
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    ax.set_box_aspect(high - low, zoom=1.0)
+    ax.set_box_aspect(high - low, zoom=ZOOM)
     ax.view_init(
         elev=float(np.degrees(np.arcsin(eye[2]))), azim=float(np.degrees(np.arctan2(eye[1], eye[0])))
     )
     ax.set(xlabel="x", ylabel="y", zlabel="z")
-    size = high - low
-    for axis, length in zip((ax.xaxis, ax.yaxis, ax.zaxis), size / size.max(), strict=True):
-        if length > 0.2:
-            axis.set_major_locator(MaxNLocator(5 if length > 0.4 else 3))
+    ax.tick_params(labelsize="small")
+    size = (high - low) / float(np.max(high - low))
+    for axis, length, room in zip(
+        (ax.xaxis, ax.yaxis, ax.zaxis), size, _beside(size, eye), strict=True
+    ):
+        if length > 0.2:  # without the ends, where labels of two axes meet
+            axis.set_major_locator(MaxNLocator(5 if length > 0.4 else 3, prune="both"))
+            axis.labelpad = LABELS / room - 21.0
+            axis.set_tick_params(pad=TICKS / room - 8.0)
         else:  # a flat face: nothing to read off
             axis.set_ticks([])
             axis.set_label_text("")
+
+
+def _beside(size: Array, eye: Array) -> Array:
+    """How far from an axis matplotlib sets its labels, over the diagonal of the box, per point of pad.
+
+    It moves them along the other two sides, by parts of their lengths: of a slender box hardly at all.
+    """
+    seen = np.eye(3) - np.outer(eye, eye)  # the unit vectors of the axes as the viewer sees them
+    found = np.empty(3)
+    for k in range(3):
+        along = seen[k] / max(float(np.linalg.norm(seen[k])), 1e-6)
+        across = np.linalg.norm(np.cross(seen, along), axis=1) * size
+        found[k] = np.sqrt(np.sum(np.delete(across, k) ** 2)) / np.linalg.norm(size)
+    return np.maximum(found, 0.02)

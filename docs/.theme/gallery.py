@@ -1,0 +1,81 @@
+"""The order of the gallery, and what a thumbnail shows of a picture.
+
+Examples stand from simple to rich, and solids early: first pressure alone, then friction and histories,
+bolts, what slides far, bodies that yield and stretch, and last wear, fretting and squeal.
+Pictures have several axes, whose words nobody can read in a thumbnail: it shows the part that is named
+here, as (left, top, right, bottom) of the picture.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PIL import Image
+
+WHOLE = (0.0, 0.0, 1.0, 1.0)
+#: Examples in the order of the gallery.
+PARTS = {
+    "hertz": (0.0, 0.0, 0.53, 1.0),
+    "stl_brake": (0.0, 0.1, 0.54, 1.0),
+    "ball_joint": (0.08, 0.08, 0.5, 0.82),
+    "gear_pair": (0.0, 0.0, 0.53, 1.0),
+    "press_fit": (0.0, 0.0, 0.28, 1.0),
+    "heat_across_interface": (0.0, 0.08, 0.41, 1.0),
+    "pin_in_lug": (0.0, 0.0, 0.52, 1.0),
+    "adaptive_hertz": (0.0, 0.0, 0.53, 1.0),
+    "clutch": (0.0, 0.0, 0.51, 1.0),
+    "mindlin_ball": (0.0, 0.0, 0.5, 1.0),
+    "block_on_slope": (0.0, 0.0, 0.5, 0.45),
+    "cattaneo_mindlin": (0.0, 0.0, 0.4, 1.0),
+    "wedge": (0.0, 0.0, 1.0, 0.5),
+    "belt": (0.0, 0.0, 0.345, 1.0),
+    "own_friction_law": (0.0, 0.0, 0.5, 0.6),
+    "bolted_flange": (0.0, 0.05, 0.42, 1.0),
+    "tightened_flange": (0.0, 0.0, 0.33, 0.35),
+    "lap_joint": WHOLE,
+    "leaking_flange": (0.66, 0.0, 1.0, 1.0),
+    "die_set": (0.0, 0.0, 0.5, 1.0),
+    "ironing": (0.0, 0.0, 1.0, 0.57),
+    "towing_wheel": (0.0, 0.0, 1.0, 0.6),
+    "braked_ball": (0.63, 0.0, 1.0, 0.54),
+    "forging": (0.0, 0.0, 0.36, 1.0),
+    "yielding_fit": (0.0, 0.0, 0.36, 1.0),
+    "nonlinear_body": (0.0, 0.0, 1.0, 0.48),
+    "rubber_seal": (0.0, 0.0, 0.36, 1.0),
+    "rubber_ironing": (0.0, 0.0, 1.0, 0.62),
+    "wear": (0.0, 0.0, 0.36, 1.0),
+    "fretting_map": (0.0, 0.0, 0.6, 1.0),
+    "fretting_calibration": WHOLE,
+    "squeal": (0.0, 0.0, 0.5, 1.0),
+}
+#: The largest width and height [pixels], and the number of colours.
+SIZE, COLOURS = (400, 280), 64
+
+
+class Order:
+    """The place of an example in the gallery; one that is not listed stands at the end."""
+
+    def __call__(self, path: Path) -> tuple[int, str]:
+        names = list(PARTS)
+        return (names.index(path.stem) if path.stem in names else len(names), path.stem)
+
+
+def thumbnail(picture: Path, file: Path) -> None:
+    """The part of a picture that its example names, in the size of a thumbnail."""
+    with Image.open(picture) as image:
+        wide, high = image.size
+        left, top, right, bottom = PARTS.get(picture.stem, WHOLE)
+        part = image.convert("RGB").crop(
+            (round(left * wide), round(top * high), round(right * wide), round(bottom * high))
+        )
+    part.thumbnail(SIZE, Image.LANCZOS)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    part.save(file)
+
+
+def with_few_colours(folder: Path) -> None:
+    """Pictures of a folder as small files: of a thumbnail nobody sees the difference."""
+    for file in folder.glob("*.png"):
+        with Image.open(file) as image:
+            few = image.convert("RGB").quantize(COLOURS)
+        few.save(file, optimize=True)

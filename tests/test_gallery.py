@@ -1,0 +1,46 @@
+"""The gallery: every example has its place, and a thumbnail that is made for its size."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from runpy import run_path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+NAMES = sorted(path.stem for path in (ROOT / "examples").glob("*.py"))
+
+
+@pytest.fixture(scope="module")
+def gallery() -> dict[str, Any]:
+    """What the pages build the gallery with."""
+    pytest.importorskip("PIL")
+    return run_path(str(ROOT / "docs/.theme/gallery.py"))
+
+
+def test_every_example_has_a_place(gallery: dict[str, Any]) -> None:
+    """The order names all examples; three of the first four are solids."""
+    assert not set(NAMES) - set(gallery["PARTS"])
+    first = sorted((ROOT / "examples").glob("*.py"), key=gallery["Order"]())[:4]
+    solids = [path.stem for path in first if "MeshHex" in path.read_text(encoding="utf-8")]
+    assert solids == ["stl_brake", "ball_joint", "gear_pair"]
+
+
+def test_thumbnails_are_small_and_show_a_part(gallery: dict[str, Any], tmp_path: Path) -> None:
+    """At most 400 by 280 pixels and 40 kB, of a part that is within the picture."""
+    from PIL import Image
+
+    for name, (left, top, right, bottom) in gallery["PARTS"].items():
+        assert 0 <= left < right <= 1 and 0 <= top < bottom <= 1, name
+    pictures = [ROOT / f"docs/images/{name}.png" for name in NAMES]
+    pictures = [picture for picture in pictures if picture.exists()]
+    assert len(pictures) > 20
+    for picture in pictures[::4]:  # a few of all kinds
+        gallery["thumbnail"](picture, tmp_path / picture.name)
+    gallery["with_few_colours"](tmp_path)
+    for file in tmp_path.glob("*.png"):
+        with Image.open(file) as image:
+            wide, high = image.size
+        assert wide <= 400 and high <= 280 and max(wide / 400, high / 280) > 0.99, file.stem
+        assert file.stat().st_size < 40_000, file.stem
