@@ -235,6 +235,13 @@ def pressed_in(
     return block, np.array([0.0, *(-result.force[1] for result in results)]), results
 
 
+def test_a_pairing_stays_where_bodies_have_yet_to_come_nearer() -> None:
+    """A new pairing in each iterate: 51 iterates, and the second step cut; 129 in six steps, not 56."""
+    results = pressed_in(7, 2, mean=None, finite=True)[2]
+    assert not any("cut" in result.message for result in results)
+    assert sum(len(result.newton) for result in results) < 35  # 23
+
+
 def of_slip_lines(force: np.ndarray, depths: list[int]) -> np.ndarray:
     """Parts of Johnson's fully plastic force, 3 Y pi a^2 with the a^2 = R d / .368 of Richmond.
 
