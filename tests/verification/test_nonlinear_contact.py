@@ -235,6 +235,7 @@ def pressed_in(
     return block, np.array([0.0, *(-result.force[1] for result in results)]), results
 
 
+@pytest.mark.filterwarnings("ignore:.*over the length of one facet")
 def test_a_pairing_stays_where_bodies_have_yet_to_come_nearer() -> None:
     """A new pairing in each iterate: 51 iterates, and the second step cut; 129 in six steps, not 56."""
     results = pressed_in(7, 2, mean=None, finite=True)[2]
