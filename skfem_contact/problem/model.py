@@ -216,11 +216,13 @@ class LinearModel:
     def with_tangents(self, stiffness: Sequence[csr_matrix]) -> LinearModel:
         """The same bodies with the tangents of an iterate; those with the same matrix stay condensed.
 
-        What is condensed for one iterate serves those that follow, whoever began.
+        What is condensed for one iterate serves those that follow, whoever began; what bodies remember
+        of loads does not: an answer is the same to the last bit in a solver that goes on from a file.
         """
         same = [new is old for new, old in zip(stiffness, self.stiffness, strict=True)]
         parts = self.substructures or [None] * len(same)
-        reuse = [part if is_same else None for part, is_same in zip(parts, same, strict=True)]
+        known = zip(parts, same, strict=True)
+        reuse = [part.unloaded() if part and is_same else None for part, is_same in known]
         # without supports it is a matter of the tangent what holds: a stressed one resists rotations
         motions = self.motions
         if motions.k:

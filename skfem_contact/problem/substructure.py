@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import replace
 from typing import Generic, TypeVar
 
@@ -318,6 +319,13 @@ class Substructure:
     @once
     def _moves(self) -> LoadSpan:
         return LoadSpan(self._factor, self.body.D, self._by_supports)
+
+    def unloaded(self) -> Substructure:
+        """The same body, condensed once, without what is remembered of its loads."""
+        twin = copy(self)
+        for remembered in ("_forces", "_moves"):
+            vars(twin).pop(remembered, None)
+        return twin
 
     @property
     def order(self) -> Index:

@@ -213,51 +213,100 @@ def test_limit_load_of_a_round_punch() -> None:
     assert load == pytest.approx(2.845, rel=0.05)
 
 
-def pressed_in(cells: int, mean: bool | None) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """A rigid sphere of radius 500 in a block 1 500 by 1 500, millimetre by millimetre to 64 mm.
+BALL = 500.0
 
-    Forces [MN/rad], each the mean over the millimetres in which one node more comes into contact,
-    depths that go with them, the error of the energy balance, and the least det F.
-    """
-    h = 280.0 / cells
-    steel = sc.J2(210e3, 0.3, 50.0, finite_strain=True)
+
+def ball_in_a_block(block: sc.NonlinearBody, side: str, depth: float, **given: Any) -> sc.ContactSolver:
+    """A rigid sphere of radius 500 that has come in by a depth."""
+    ball = sc.RigidCylinder((0, BALL - depth), BALL, name="ball")
+    return sc.ContactSolver(block, sc.Contact(block.surface(side), ball, **given))
+
+
+def pressed_in(
+    cells: int, last: int, mean: bool | None, finite: bool
+) -> tuple[sc.NonlinearBody, np.ndarray, list[sc.answers.ContactResult]]:
+    """A sphere in a block 1 500 by 1 500, by 1 mm a step; forces, and the results."""
+    steel = sc.J2(210e3, 0.3, 50.0, finite_strain=finite)
     block = half_space(
-        h, 280.0, 1500.0, steel, measure=lambda x: 2 * np.pi * x[0], mean_dilatation=mean
+        280.0 / cells, 280.0, 1500.0, steel, measure=lambda x: 2 * np.pi * x[0], mean_dilatation=mean
     )
-    ball = sc.RigidCylinder((0, 500.0), 500.0, name="ball")
-    solver = sc.ContactSolver(block, sc.Contact(block.surface("top"), ball, sliding="finite"))
-    depth = np.arange(1.0, 65.0)
-    force, result = [0.0], None
-    for result in solver.history({"motion": {"ball": (0, -d)}} for d in depth):
-        force.append(-result.force[1])
-    assert result is not None
-    u = result.displacement("block")
-    work = np.sum(0.5 * (np.array(force[1:]) + force[:-1]))
-    balance = sum(block.energy(u, result.state["block"])) / work - 1
-    H = np.asarray(block.basis.interpolate(u).grad)
-    least = np.min((1 + H[0, 0]) * (1 + H[1, 1]) - H[0, 1] * H[1, 0])
-    smooth = np.convolve(np.array(force[1:]) / 2e6 / np.pi, np.ones(9) / 9, mode="valid")
-    return smooth, depth[4:-4], float(balance), float(least)
+    solver = ball_in_a_block(block, "top", 0.0, sliding="finite")
+    results = list(solver.history({"motion": {"ball": (0, -d)}} for d in np.arange(1.0, last + 1)))
+    return block, np.array([0.0, *(-result.force[1] for result in results)]), results
+
+
+@pytest.mark.filterwarnings("ignore:.*over the length of one facet")
+def test_a_pairing_stays_where_bodies_have_yet_to_come_nearer() -> None:
+    """A new pairing in each iterate: 51 iterates, and the second step cut; 129 in six steps, not 56."""
+    results = pressed_in(7, 2, mean=None, finite=True)[2]
+    assert not any("cut" in result.message for result in results)
+    assert sum(len(result.newton) for result in results) < 35  # 23
+
+
+def of_slip_lines(force: np.ndarray, depths: list[int]) -> np.ndarray:
+    """Parts of Johnson's fully plastic force, 3 Y pi a^2 with the a^2 = R d / .368 of Richmond.
+
+    Contact Mechanics (1985), sections 6.3 and 6.5. Forces step from node to node: means over 9 mm.
+    """
+    smooth = np.convolve(force, np.ones(9) / 9, mode="valid")[np.array(depths) - 4]
+    return smooth / (3 * 50.0 * np.pi * BALL / 0.368 * np.array(depths))
 
 
 @pytest.mark.slow
 def test_sphere_pressed_into_a_block() -> None:
-    """SSNV506 of Code_Aster: slip lines, 3 Y a^2 / 2 by radian with a^2 = 2.717 R d.
+    """SSNV506 of Code_Aster as it is given: small strains, elements of 20 mm with all four points.
 
-    Two meshes agree on .934, .875 and .825 of them at 20, 40 and 60 mm; the work of the sphere is in
-    the block, stored and dissipated. Slip lines are of flat surfaces, and what is missing grows with
-    the slope of the sphere at its edge, a / R = .33 to .55. Code_Aster's own are 1.015, .993 and .953
-    of them, on 625 quadrilaterals; where ours may lock, they are 12 to 17 % beyond.
+    Its bands about the slip lines are 5, 5, 5, 10 and 15 %; its own numbers from its command file.
+    On smaller elements the same equations give less, as these elements lock: see the next test.
     """
-    slip = 3 * 50.0 * 2.717 * 500.0 / 2e6
+    with pytest.warns(sc.ContactWarning, match="small strains"):
+        _, force, _ = pressed_in(14, 104, mean=False, finite=False)
+    found = of_slip_lines(force, [20, 40, 60, 80, 100])
+    print(found)
+    assert (np.abs(found - 1) < [0.05, 0.05, 0.05, 0.1, 0.15]).all()
+    theirs = np.array([2.06806, 4.04698, 5.82730, 7.66632, 9.11899])
+    slip = 2.0380426 * np.arange(1, 6)  # [MN/rad], as there
+    assert_allclose(found, theirs / slip, rtol=0.03)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*over the length of one facet")
+def test_a_sphere_deep_in_a_block_bears_the_limit_load_of_its_shape() -> None:
+    """Forces at large strains are limit loads of small ones, of the block as it has become; 1 %.
+
+    A body without hardening bears the limit load of its present shape: a virgin block of the deformed
+    mesh, in contact where the other was, is pressed by small strains until it gives way. That is said
+    of the step before one node more comes into contact, whose limit load is reached a little later.
+    Two meshes agree on .93, .875 and .825 of the slip lines; the sphere's work is in the block.
+    """
     found = {}
-    for cells, mean in ((14, None), (20, None), (14, False)):
-        force, depth, balance, least = pressed_in(cells, mean)
-        at = np.searchsorted(depth, [20.0, 40.0, 60.0])
-        found[cells, mean] = force[at] / (slip * depth[at])
-        print(cells, mean, found[cells, mean], balance, least)
+    for cells in (14, 20):
+        block, force, results = pressed_in(cells, 64, mean=None, finite=True)
+        found[cells] = of_slip_lines(force, [20, 40, 60])
+        last = results[-1]
+        work = np.sum(0.5 * (force[1:] + force[:-1]))
+        balance = sum(block.energy(last.u, last.state["block"])) / work - 1
+        print(cells, found[cells], balance)
         assert abs(balance) < 3e-3  # trapezoids of 1 mm over forces that step from node to node
-        assert least > 0.4  # of the determinants: no element comes near to turning inside out
-    assert_allclose(found[14, None], found[20, None], rtol=0.01)
-    assert_allclose(found[20, None], [0.934, 0.875, 0.825], atol=0.01)
-    assert found[14, False].min() > 1.1
+    assert_allclose(found[14], found[20], rtol=0.01)
+    closed = [int((result.normal_force > 0).sum()) for result in results]
+    for some in (20, 40, 50):
+        depth = next(d for d in range(some, 64) if closed[d] > closed[d - 1])
+        limit = limit_load(block, results[depth - 1].u, closed[depth - 1], float(depth))
+        print(depth, limit / force[depth])
+        assert limit == pytest.approx(force[depth], rel=0.01)
+
+
+def limit_load(block: sc.NonlinearBody, u: np.ndarray, closed: int, depth: float) -> float:
+    """What a virgin block of the deformed mesh bears at most, on the nodes that are closed."""
+    mesh = block.basis.mesh
+    p = mesh.p + u[block.basis.nodal_dofs]
+    order = mesh.boundaries["top"][np.argsort(p[0, mesh.facets[:, mesh.boundaries["top"]]].sum(axis=0))]
+    mesh = fem.MeshQuad(p, mesh.t).with_boundaries({**mesh.boundaries, "touch": order[: closed - 1]})
+    basis = fem.Basis(mesh, QUAD, intorder=2)
+    steel = sc.J2(210e3, 0.3, 50.0)
+    virgin = sc.NonlinearBody(basis, steel, D=block.D, measure=block.measure, name="block")
+    solver = ball_in_a_block(virgin, "touch", depth)
+    steps = [{"motion": {"ball": (0, -down)}} for down in (0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.0)]
+    *_, last = solver.history(steps)
+    return float(-last.force[1])
