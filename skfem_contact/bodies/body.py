@@ -21,6 +21,7 @@ from skfem_contact.arguments import check_name, known_keywords, with_known_keywo
 from skfem_contact.bodies.boundaries import displacements, tractions
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.inputs import (
+    CONDENSED,
     Dofs,
     Loads,
     Values,
@@ -49,7 +50,9 @@ from skfem_contact.sealed import seal
 Array = NDArray[np.float64]
 
 
-@with_known_keywords(stiffness="write K", load="write f", springs="add their matrix to K")
+@with_known_keywords(
+    f". {CONDENSED}", stiffness="write K", load="write f", springs="add their matrix to K"
+)
 @dataclass(frozen=True, eq=False, init=False)
 class Body(Meshed):
     """One body: a scikit-fem basis with the linear system assembled on it.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm
 
-from skfem_contact.bodies.inputs import assembled_stiffness
+from skfem_contact.bodies.inputs import assembled_stiffness, check_unprescribed
 from skfem_contact.records import dataclass
 
 
@@ -33,6 +33,7 @@ class Stiffness:
         form = K if isinstance(K, BilinearForm) else None
         matrix, made = assembled_stiffness(K, basis, whose)
         if made is None:
+            check_unprescribed(matrix, whose)
             return cls(matrix, basis, form).remembered()
         return cls(matrix, basis, form, made.by_skfem, made.tensor).remembered()
 
