@@ -296,8 +296,8 @@ JUMPS = (
     "that never opens, Contact(separation=False). "
 )
 FALLS = (
-    "The friction of contact {} falls with the slip: points that begin to slip carry less, and may go on "
-    "by themselves. Try loop={!r}, which passes most of these; then smaller load steps, and prescribed "
+    "The friction of contact {} falls with the slip: points that begin to slip carry less, and may go "
+    "on by themselves. Try loop={!r}, which passes most of these; then smaller load steps, and prescribed "
     "displacements in the place of a force. "
 )
 CORNERS = (
