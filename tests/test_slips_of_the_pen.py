@@ -288,3 +288,26 @@ def test_too_many_arguments_without_names_are_told_in_their_order() -> None:
         sc.errors.UnknownKeyword, match=r"given 4 .* takes 3: Body\(basis, K, f, D=\.\.\."
     ):
         sc.Body(basis, K, f, D)
+
+
+def test_loads_that_do_not_balance_are_told_by_how_much() -> None:
+    """Two rings, the one shrunk onto the other; the pressures on their rims differ by pi in all."""
+
+    def ring(inside: float, name: str, below: float) -> sc.Body:
+        x = np.linspace(inside, inside + 1, 5)
+        basis = basis_of(fem.MeshQuad.init_tensor(x, x - inside).with_defaults())
+        loads = {"top": (0.0, -1.0), "bottom": (0.0, below)}
+        return sc.Body(basis, sc.Elastic(1e3, 0.3), loads, measure=whole, name=name)
+
+    inner, outer = ring(1.0, "inner", 1.0), ring(2.0, "outer", 1.2)
+    fit = sc.Contact(inner.surface("right"), outer.surface("left"), interference=0.01)
+    excess = np.pi * (3**2 - 2**2) * 0.2
+    with pytest.raises(
+        sc.errors.NoEquilibrium, match=f"The loads on it add up to {excess:.6g} along the axis"
+    ):
+        sc.ContactSolver([inner, outer], fit).solve()
+    rough = sc.Contact(fit.secondary, fit.primary, friction=sc.Coulomb(0.5), interference=0.01)
+    with pytest.raises(
+        sc.errors.NoEquilibrium, match=f"The loads on them add up to {excess:.6g} along the axis"
+    ):
+        sc.ContactSolver([inner, outer], rough).solve()

@@ -297,8 +297,8 @@ JUMPS = (
 )
 FALLS = (
     "The friction of contact {} falls with the slip: points that begin to slip carry less, and may go "
-    "on by themselves. Try loop={!r}, which passes most of these; then smaller load steps, and prescribed "
-    "displacements in the place of a force. "
+    "on by themselves. Try loop={!r}, which passes most of these; then smaller load steps, and "
+    "prescribed displacements in the place of a force. "
 )
 CORNERS = (
     "Its surfaces have sharp corners. Usually a face gives way to the next one there: the "
