@@ -79,6 +79,11 @@ def check_basis(basis: Any, whose: str) -> None:
             f"at nodes ({', '.join(kind.__name__ for kind in SUPPORTED)}), alone or in an "
             "ElementVector"
         )
+    if not np.isfinite(inner.doflocs).all():
+        raise InputError(
+            f"{whose} uses {type(inner).__name__}, some of whose DOFs are values at no node (bubbles): "
+            "its doflocs are NaN there. Take one whose DOFs are values at nodes"
+        )
     if element.dim != mesh.dim():
         raise InputError(
             f"{whose} has {element.dim} components in {mesh.dim()}-D; use skfem.ElementVector(element)"

@@ -33,7 +33,7 @@ __getattr__, __dir__ = entrances(
         "joints": "rim_points",
         "mortar": "dual_mortar",
         "mortar_rows": "least_gaps",
-        "node": "gap_vectors node_to_segment",
+        "node": "gap_vectors node_to_segment Pairing",
         "pieces": "whole_shares",
         "projection": "interpolated_normals project",
         "search": "FacetTree closest_candidates",
