@@ -72,7 +72,7 @@ def check_basis(basis: Any, whose: str) -> None:
             f"basis on which K was assembled: skfem.Basis(mesh, element){condensed}"
         )
     element, mesh = basis.elem, basis.mesh
-    inner = element.elem if isinstance(element, skfem.ElementVector) else element
+    inner: Any = element.elem if isinstance(element, skfem.ElementVector) else element
     if not isinstance(inner, tuple(SUPPORTED)):
         raise InputError(
             f"{whose} uses {type(inner).__name__}: contact needs elements whose DOFs are values "
