@@ -72,14 +72,14 @@ def check_basis(basis: Any, whose: str) -> None:
             f"basis on which K was assembled: skfem.Basis(mesh, element){condensed}"
         )
     element, mesh = basis.elem, basis.mesh
-    inner: Any = element.elem if isinstance(element, skfem.ElementVector) else element
+    inner = element.elem if isinstance(element, skfem.ElementVector) else element
     if not isinstance(inner, tuple(SUPPORTED)):
         raise InputError(
             f"{whose} uses {type(inner).__name__}: contact needs elements whose DOFs are values "
             f"at nodes ({', '.join(kind.__name__ for kind in SUPPORTED)}), alone or in an "
             "ElementVector"
         )
-    if not np.isfinite(inner.doflocs).all():
+    if not np.isfinite(scalar_element(element).doflocs).all():
         raise InputError(
             f"{whose} uses {type(inner).__name__}, some of whose DOFs are values at no node (bubbles): "
             "its doflocs are NaN there. Take one whose DOFs are values at nodes"
