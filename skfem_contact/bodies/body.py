@@ -160,14 +160,15 @@ class Body(Meshed):
             object.__setattr__(self, "material", K)
             K = K.form(measure, axisymmetric=self.axisymmetric)
         vars(self).setdefault("material", None)  # bodies that are not linear have set theirs
-        stiffness = Stiffness.of(K, basis, whose)
+        fixed = prescribed_dofs(D, basis, whose)
+        stiffness = Stiffness.of(K, basis, fixed, whose)
         values = {
             "K": stiffness.K,
             "form": stiffness.form,
             "by_skfem": stiffness.by_skfem,
             "_stiffness": stiffness,
             "_mass": mass,
-            "D": prescribed_dofs(D, basis, whose),
+            "D": fixed,
         }
         for key, value in values.items():
             object.__setattr__(self, key, value)

@@ -223,7 +223,7 @@ def _checked(K: Any, basis: Any, whose: str, own: bool = False, symmetric: bool 
     return sealed_matrix(matrix)
 
 
-def check_unprescribed(K: Any, whose: str) -> None:
+def check_unprescribed(K: Any, D: np.ndarray, whose: str) -> None:
     """Find a matrix, given by the user, that has displacements prescribed in it.
 
     In rows of prescribed DOFs `skfem.enforce` leaves the diagonal alone, and
@@ -244,13 +244,16 @@ def check_unprescribed(K: Any, whose: str) -> None:
     filled = np.concatenate([[0], np.cumsum(K.data != 0, dtype=K.indptr.dtype)])[K.indptr]
     diagonal = K.diagonal()
     alone = (np.diff(filled) == 1) & (diagonal != 0)
-    if alone.any():
+    points = alone.all()  # on springs of their own
+    alone[D] = False
+    if alone.any() and not points:
         raise InputError(
             f"{np.count_nonzero(alone)} rows of K of {whose} have one entry, on the diagonal, the "
             f"first is row {int(np.argmax(alone))}: nothing connects these DOFs with the body. "
             f"Boundary conditions imposed by skfem.enforce do that: {PLAIN}"
         )
     large = diagonal == diagonal.max()
+    large[D] = False
     others = np.abs(diagonal[~large]).max(initial=0.0)
     if others > 0 and diagonal.max() > PENALTY * others:
         warn(

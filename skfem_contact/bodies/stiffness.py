@@ -25,15 +25,18 @@ class Stiffness:
     tensor: NDArray[np.float64] | None = None
 
     @classmethod
-    def of(cls, K: Any, basis: Any, whose: str) -> Stiffness:
-        """Say that of the body whose `K` this is, as in dataclasses.replace, or a new one."""
+    def of(cls, K: Any, basis: Any, D: NDArray[np.int64], whose: str) -> Stiffness:
+        """Say that of the body whose `K` this is, as in dataclasses.replace, or a new one.
+
+        `D` are the prescribed DOFs.
+        """
         known = _KNOWN.get(id(K))
         if known is not None and known.K is K and known.basis is basis:
             return known
         form = K if isinstance(K, BilinearForm) else None
         matrix, made = assembled_stiffness(K, basis, whose)
         if made is None:
-            check_unprescribed(matrix, whose)
+            check_unprescribed(matrix, D, whose)
             return cls(matrix, basis, form).remembered()
         return cls(matrix, basis, form, made.by_skfem, made.tensor).remembered()
 
