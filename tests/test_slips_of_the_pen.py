@@ -12,6 +12,7 @@ import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
+from scipy.sparse import csr_matrix
 from skfem.helpers import ddot, sym_grad
 from skfem.models.elasticity import linear_elasticity as elastic_form
 
@@ -311,3 +312,11 @@ def test_loads_that_do_not_balance_are_told_by_how_much() -> None:
         sc.errors.NoEquilibrium, match=f"The loads on them add up to {excess:.6g} along the axis"
     ):
         sc.ContactSolver([inner, outer], rough).solve()
+
+
+def test_rows_of_one_entry_are_what_is_meant_where_nothing_contradicts_it() -> None:
+    """Points on springs of their own, and rows of DOFs that are prescribed by D as well."""
+    basis, K, f, D = held_top()
+    sc.Body(basis, csr_matrix(np.diag(np.full(basis.N, 3.0))), f)
+    sc.Body(basis, twice_enforced(K, D), f, D=D)
+    sc.Body(basis, *fem.penalize(K, f, D=D), D=D)
