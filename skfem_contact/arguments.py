@@ -8,7 +8,7 @@ import functools
 import inspect
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,10 +45,47 @@ def suggest(name: str, known: Iterable[str], what: str) -> str:
     known, name = sorted(known), str(name)
     if not known:
         return f"; there are no {what} with a name"
-    begun = [k for k in known if name and (k.startswith(name) or name.startswith(k))]
-    close = list(dict.fromkeys([*begun, *difflib.get_close_matches(name, known, n=3)]))[:3]
-    hint = f"; did you mean {' or '.join(map(repr, close))}?" if close else ";"
+    hint = did_you_mean(name, known) or ";"
     return f"{hint} Known {what}: {', '.join(map(repr, known))}"
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The same tail with the close matches alone; empty if there are none.
+
+    >>> did_you_mean("contact_pressure", ["pressure", "gap"])
+    "; did you mean 'pressure'?"
+    """
+    known = sorted(known)
+    begun = [k for k in known if name and (k.startswith(name) or name.startswith(k))]
+    ended = [k for k in known if name.endswith(f"_{k}")]
+    spelt = difflib.get_close_matches(name, known, n=3)
+    spelt += [k for k in known if k.lower() == name.lower()]
+    close = list(dict.fromkeys([*begun, *ended, *spelt]))[:3]
+    return f"; did you mean {' or '.join(map(repr, close))}?" if close else ""
+
+
+class NamesAttributes:
+    """Answers an attribute that there is not by those with names like it.
+
+    >>> class Tower(NamesAttributes):
+    ...     height = 3.0
+    >>> Tower().heigth
+    Traceback (most recent call last):
+        ...
+    AttributeError: Tower has no attribute 'heigth'; did you mean 'height'?
+    """
+
+    if not TYPE_CHECKING:  # type checkers know what there is
+
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("_"):  # asked for by Python, as a rule
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            if hasattr(type(self), name):  # a property that failed: its own error
+                return object.__getattribute__(self, name)
+            known = [key for key in dir(self) if not key.startswith("_")]
+            hint = did_you_mean(name, known) or f"; it has {', '.join(known)}"
+            words = f"{type(self).__name__} has no attribute {name!r}{hint}"
+            raise AttributeError(words, obj=self)  # without name=, or Python adds a guess of its own
 
 
 def numbers(value: Any, what: str, usage: str, copy: bool = True) -> Array:
@@ -179,20 +216,28 @@ def known_keywords(**elsewhere: str) -> Callable[[Callable[P, R]], Callable[P, R
     return decorate
 
 
-def with_known_keywords(**elsewhere: str) -> Callable[[C], C]:
-    """Of a class: its constructor answers unknown keywords, see `known_keywords`."""
+def with_known_keywords(surplus: str = "", /, **elsewhere: str) -> Callable[[C], C]:
+    """Of a class: its constructor answers unknown keywords, see `known_keywords`.
+
+    `surplus` is what usually is wrong where it is given too much without names.
+    """
 
     def decorate(cls: C) -> C:
-        cls.__init__ = _answering(cls.__init__, cls.__name__, elsewhere)  # type: ignore[misc]
+        takes = cls.__init__  # type: ignore[misc]
+        cls.__init__ = _answering(takes, cls.__name__, elsewhere, surplus)  # type: ignore[misc]
         return cls
 
     return decorate
 
 
-def _answering(function: Callable[P, R], name: str, elsewhere: dict[str, str]) -> Callable[P, R]:
+def _answering(
+    function: Callable[P, R], name: str, elsewhere: dict[str, str], surplus: str = ""
+) -> Callable[P, R]:
     takes = inspect.signature(function).parameters.values()
+    first = [p.name for p in takes if p.kind is p.POSITIONAL_OR_KEYWORD]
+    bounded = all(p.kind is not p.VAR_POSITIONAL for p in takes)
     known = [p.name for p in takes if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
-    known = [k for k in known if k != "self"]
+    known = [k for k in known if k not in ("self", "cls")]
 
     @functools.wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -201,9 +246,20 @@ def _answering(function: Callable[P, R], name: str, elsewhere: dict[str, str]) -
                 there = elsewhere.get(key)
                 hint = f": {there}" if there else suggest(key, known, "arguments")
                 raise UnknownKeyword(f"{name} has no argument {key!r}{hint}")
+        if bounded and len(args) > len(first):
+            raise UnknownKeyword(_too_many(name, first, known, len(args), surplus))
         return function(*args, **kwargs)
 
     return checked
+
+
+def _too_many(name: str, first: list[str], known: list[str], given: int, surplus: str) -> str:
+    """Say which arguments have to be named where more came without names than there are."""
+    own = first[:1] in (["self"], ["cls"])
+    plain, count = first[own:], given - own
+    named = [k for k in known if k not in first]
+    order = f"{name}({', '.join([*plain, *(f'{k}=...' for k in named)])})"
+    return f"{name} was given {count} arguments without a name and takes {len(plain)}: {order}{surplus}"
 
 
 def take(thing: Any, **given: Any) -> None:
@@ -229,7 +285,7 @@ def take(thing: Any, **given: Any) -> None:
     thing.__post_init__()
 
 
-class PrintedAsCall:
+class PrintedAsCall(NamesAttributes):
     """Dataclasses that print as the call that makes them: in its order, without what is by default.
 
     >>> @dataclasses.dataclass(frozen=True, eq=False)

@@ -173,7 +173,7 @@ Table = Callable[[Any, Any], str]
 STORED: list[tuple[str, str, str, Table]] = [  # page, module, stored run, the table of it
     ("docs/checks/performance.md", "run", "history", lambda run, found: run.table(found["rows"])),
     ("README.md", "run", "history", lambda run, found: run.table(found["rows"], run.SHORT)),
-    ("paper.md", "run", "history", lambda run, found: run.table(found["rows"], run.SHORT)),
+    ("paper.md", "run", "history", lambda run, found: run.table(found["rows"], run.SHORTEST)),
     ("docs/checks/performance.md", "solids", "solids", lambda run, found: run.table(found["rows"])),
     (
         "docs/checks/performance.md",

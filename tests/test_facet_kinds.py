@@ -149,6 +149,14 @@ def test_triangles_and_parts_fill_the_face(name):
     assert pickle.loads(pickle.dumps(kind)) is kind
 
 
+def test_elements_with_bubbles_are_refused(monkeypatch):
+    """Also where they are said to be supported: a bubble has no place."""
+    monkeypatch.setitem(SUPPORTED, fem.ElementTriP2B, "triangle7")
+    basis = fem.Basis(fem.MeshTri(), fem.ElementVector(fem.ElementTriP2B()))
+    with pytest.raises(InputError, match="ElementTriP2B, some of whose DOFs are values at no node"):
+        sc.Body(basis, linear_elasticity())
+
+
 def test_unknown_kinds_are_named():
     """Not as a KeyError."""
     with pytest.raises(InputError, match=r"5 nodes.*KINDS"):

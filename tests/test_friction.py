@@ -201,3 +201,28 @@ def test_a_report_says_of_friction_that_falls(law, push, said):
     contact = sc.Contact(block.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=law)
     report = sc.ContactSolver(block, contact).solve().report()
     assert ("falls with the slip" in report) == said
+
+
+@dataclass(frozen=True, eq=False)
+class Breaks(sc.conditions.FrictionLaw):
+    """A coefficient that drops once a point has slipped by a ten thousandth of the block."""
+
+    def limit(self, normal_force, area, slip):
+        return np.where(np.linalg.norm(slip, axis=1) < 1e-4, 0.5, 0.1) * normal_force
+
+
+def test_a_loop_that_fails_at_friction_that_falls_names_the_law_and_another_loop():
+    """The loop that the message names passes, and all of the block slides in the end."""
+    x = np.linspace(0, 1, 25)
+    mesh = fem.MeshQuad.init_tensor(x, x).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    block = sc.Body(basis, sc.Elastic(1e3, 0.3), D="top", name="block")
+    floor = sc.RigidPlane((0, 0), (0, 1))
+    foot = sc.Contact(block.surface("bottom"), floor, friction=Breaks(), name="foot")
+    steps = [{"x": {"block": {"top": (push, -0.01)}}} for push in np.linspace(0, 0.04, 9)]
+    with pytest.raises(
+        sc.errors.NotConverged, match=r"of contact 'foot' falls with the slip.*loop='newton'"
+    ):
+        list(sc.ContactSolver(block, foot, loop="fictitious").history(steps))
+    last = list(sc.ContactSolver(block, foot, loop="newton").history(steps))[-1]
+    assert_allclose(last.force[0], -0.1 * last.force[1])

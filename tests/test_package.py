@@ -139,6 +139,31 @@ def test_paper_cites_what_its_bibliography_has() -> None:
     assert cited == set(re.findall(r"^@\w+\{(\w+),", text("paper.bib"), re.MULTILINE))
 
 
+def test_one_description_everywhere() -> None:
+    """What the package is, in one sentence, wherever it is listed."""
+    description = project()["project"]["description"]
+    assert json.loads(text("codemeta.json"))["description"] == description
+    assert re.search(r"summary: (.+)", text("recipe/meta.yaml")).group(1) == description
+    assert " ".join(text("CITATION.cff").split("abstract: >-")[1].split()).startswith(description)
+
+
+@pytest.mark.parametrize("name", ["docs", "publish", "tests"])
+def test_workflows_name_no_host_and_ask_for_no_password(name: str) -> None:
+    """Uploads are trusted by the name of the workflow; each job writes only where it has to."""
+    flow = text(f".github/workflows/{name}.yml")
+    assert "://" not in flow and "secrets." not in flow
+    assert "permissions:\n  contents: read\n" in flow
+    written = set(re.findall(r"^ {6}([\w-]+): write", flow, re.MULTILINE))
+    assert written == {"docs": {"pages", "id-token"}, "publish": {"id-token"}, "tests": set()}[name]
+
+
+def test_a_tag_is_compared_with_the_version() -> None:
+    """The command of the workflow finds the version that the package has."""
+    pattern = re.search(r"sed -n 's/(.+)/\\1/p' (\S+)\)", text(".github/workflows/publish.yml"))
+    expression = pattern.group(1).replace("\\(", "(").replace("\\)", ")")
+    assert re.search(expression, text(pattern.group(2)), re.MULTILINE).group(1) == sc.__version__
+
+
 def test_description_of_the_package_needs_no_other_file() -> None:
     """An index of packages shows it alone: links and pictures go to addresses, or there are none."""
     description = text(project()["project"]["readme"])
@@ -146,10 +171,7 @@ def test_description_of_the_package_needs_no_other_file() -> None:
     assert all((a or b).startswith(("https://", "#")) for a, b in targets)
 
 
-def test_paper_has_the_table_of_the_readme() -> None:
-    """One measurement, two places."""
-    tables = [
-        re.search(r"<!-- benchmark table: begin -->(.*)<!-- benchmark table: end -->", text(name), re.S)
-        for name in ("README.md", "paper.md")
-    ]
-    assert tables[0].group(1) == tables[1].group(1)
+def test_paper_is_short() -> None:
+    """A thousand words, without the head and the references."""
+    body = text("paper.md").split("---", 2)[2].split("# References")[0]
+    assert len(body.split()) <= 1000

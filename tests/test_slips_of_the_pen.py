@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 import skfem as fem
+from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
+from scipy.sparse import csr_matrix
 from skfem.helpers import ddot, sym_grad
 from skfem.models.elasticity import linear_elasticity as elastic_form
 
@@ -156,3 +163,160 @@ def test_a_form_for_another_number_of_components_is_refused_in_words() -> None:
     flux = fem.LinearForm(lambda v, w: np.array([1.0, 0.0]) @ v)
     with pytest.raises(sc.errors.InputError, match=r"f of body 's' is a form .* one of a scalar field"):
         sc.Body(scalar, fem.models.poisson.laplace, flux, name="s")
+
+
+@pytest.mark.parametrize(
+    ("of", "wrong", "right"),
+    [
+        (lambda solver, result: result, "presure", "pressure"),
+        (lambda solver, result: result, "contact_pressure", "pressure"),
+        (lambda solver, result: result[0], "slipp", "slip"),
+        (lambda solver, result: result.certificate, "wors", "worst"),
+        (lambda solver, result: result.validity, "problem", "problems"),
+        (lambda solver, result: result.joints()[0], "stickng", "sticking"),
+        (lambda solver, result: solver, "solv", "solve"),
+        (lambda solver, result: solver.system.bodies[0], "surfaces", "surface"),
+        (lambda solver, result: solver.contacts[0], "frictions", "friction"),
+        (lambda solver, result: solver.contacts[0].friction, "Mu", "mu"),
+        (lambda solver, result: solver.contacts[0].primary, "norml", "normal"),
+        (lambda solver, result: solver.contacts[0].secondary, "point", "points"),
+    ],
+)
+def test_a_misspelt_attribute_names_the_nearest(
+    of: Callable[[Any, Any], Any], wrong: str, right: str
+) -> None:
+    """Whatever is printed, Jupyter and pytest too: Python itself helps at its prompt alone."""
+    solver = pressed(sc.Coulomb(0.3))
+    thing = of(solver, solver.solve())
+    with pytest.raises(AttributeError, match=f"no attribute '{wrong}'; did you mean '{right}'"):
+        getattr(thing, wrong)
+    assert not hasattr(thing, wrong)
+
+
+def test_attributes_that_are_like_nothing_are_told_which_there_are() -> None:
+    """Names of other codes are like none of ours."""
+    result = pressed(sc.Coulomb(0.3)).solve()
+    with pytest.raises(AttributeError, match=r"it has area, .* pressure,"):
+        _ = result.CPRESS
+    copied = pickle.loads(pickle.dumps(copy.copy(result)))
+    assert_allclose(copied.pressure, result.pressure)
+
+
+def test_a_property_that_fails_says_why() -> None:
+    """Its own error is not taken for a name that there is not."""
+
+    class Failing(sc.Coulomb):
+        @property
+        def broken(self) -> float:
+            raise AttributeError("its own words")
+
+    with pytest.raises(AttributeError, match="its own words"):
+        _ = Failing(0.3).broken
+
+
+def held_top() -> tuple[fem.Basis, Any, np.ndarray, Any]:
+    """The system of a block as scikit-fem's scripts have it: basis, K, f and D."""
+    basis = square(1.0)
+    return basis, linear_elasticity().assemble(basis), basis.zeros(), basis.get_dofs("top")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda basis, K, f, D: sc.Body(basis, *fem.condense(K, f, D=D)),
+        lambda basis, K, f, D: sc.Body(*fem.condense(K, f, D=D)),
+        lambda basis, K, f, D: sc.Body(basis, *fem.condense(K, f, D=D, expand=False)),
+        lambda basis, K, f, D: sc.Body(*fem.condense(K, f, D=D, expand=False)),
+        lambda basis, K, f, D: sc.Body(basis, *fem.enforce(K, f, D=D)),
+        lambda basis, K, f, D: sc.Body(basis, twice_enforced(K, D), f),
+    ],
+)
+def test_displacements_prescribed_by_scikit_fem_are_to_be_given_by_D(wrong: Any) -> None:
+    """What condense and enforce return is no stiffness of the whole body any more."""
+    with pytest.raises(
+        sc.errors.InputError, match=r"pass the plain K .* sc\.Body\(basis, K, f, D=D, x=x\)"
+    ):
+        wrong(*held_top())
+
+
+def twice_enforced(K: Any, D: Any) -> Any:
+    """The same rows and columns set to the identity: symmetric."""
+    return fem.enforce(fem.enforce(K, D=D).T.tocsr(), D=D)
+
+
+def test_displacements_prescribed_by_penalty_are_warned_of() -> None:
+    """The answer is right, but tells no reaction."""
+    basis, K, f, D = held_top()
+    with pytest.warns(
+        sc.ContactWarning, match=r"10 entries .*penalize.* sc\.Body\(basis, K, f, D=D, x=x\)"
+    ):
+        sc.Body(basis, *fem.penalize(K, f, D=D))
+
+
+@pytest.mark.parametrize(("factor", "said"), [(0.7e8, False), (1.4e8, True)])
+def test_springs_are_told_from_penalties_by_their_size(factor: float, said: bool) -> None:
+    """Springs to the ground are what they are, unless no digit of the body is left beside them."""
+    basis, K, f, D = held_top()
+    largest = K.diagonal().max()
+    penalty = {"epsilon": 1 / (factor * largest)}
+    if said:
+        with pytest.warns(sc.ContactWarning, match="penalize"):
+            sc.Body(basis, *fem.penalize(K, f, D=D, **penalty))
+    else:
+        sc.Body(basis, *fem.penalize(K, f, D=D, **penalty))
+
+
+def test_forms_that_read_their_displacements_are_told_to_be_nonlinear_bodies() -> None:
+    """As K, as f, and by both ways in which scikit-fem's forms read fields."""
+    basis = square(1.0)
+    stiffening = (
+        lambda u, v, w: (1 + w["u"][0] ** 2) * ddot(sym_grad(u), sym_grad(v)),
+        lambda u, v, w: (1 + w.u[0] ** 2) * ddot(sym_grad(u), sym_grad(v)),
+    )
+    words = r"w\['u'\], is not linear: sc\.NonlinearBody\(basis, residual=\.\.\., tangent=\.\.\.\)"
+    for form in stiffening:
+        with pytest.raises(sc.errors.InputError, match=f"K of body 'b' .* {words}"):
+            sc.Body(basis, fem.BilinearForm(form), name="b")
+    load = fem.LinearForm(lambda v, w: w["u"][0] * v[0])
+    with pytest.raises(sc.errors.InputError, match=f"f of body 'b' .* {words}"):
+        sc.Body(basis, linear_elasticity(), load, name="b")
+
+
+def test_too_many_arguments_without_names_are_told_in_their_order() -> None:
+    """Python counts them, and does not say which they are."""
+    basis, K, f, D = held_top()
+    with pytest.raises(
+        sc.errors.UnknownKeyword, match=r"given 4 .* takes 3: Body\(basis, K, f, D=\.\.\."
+    ):
+        sc.Body(basis, K, f, D)
+
+
+def test_loads_that_do_not_balance_are_told_by_how_much() -> None:
+    """Two rings, the one shrunk onto the other; the pressures on their rims differ by pi in all."""
+
+    def ring(inside: float, name: str, below: float) -> sc.Body:
+        x = np.linspace(inside, inside + 1, 5)
+        basis = basis_of(fem.MeshQuad.init_tensor(x, x - inside).with_defaults())
+        loads = {"top": (0.0, -1.0), "bottom": (0.0, below)}
+        return sc.Body(basis, sc.Elastic(1e3, 0.3), loads, measure=whole, name=name)
+
+    inner, outer = ring(1.0, "inner", 1.0), ring(2.0, "outer", 1.2)
+    fit = sc.Contact(inner.surface("right"), outer.surface("left"), interference=0.01)
+    excess = np.pi * (3**2 - 2**2) * 0.2
+    with pytest.raises(
+        sc.errors.NoEquilibrium, match=f"The loads on it add up to {excess:.6g} along the axis"
+    ):
+        sc.ContactSolver([inner, outer], fit).solve()
+    rough = sc.Contact(fit.secondary, fit.primary, friction=sc.Coulomb(0.5), interference=0.01)
+    with pytest.raises(
+        sc.errors.NoEquilibrium, match=f"The loads on them add up to {excess:.6g} along the axis"
+    ):
+        sc.ContactSolver([inner, outer], rough).solve()
+
+
+def test_rows_of_one_entry_are_what_is_meant_where_nothing_contradicts_it() -> None:
+    """Points on springs of their own, and rows of DOFs that are prescribed by D as well."""
+    basis, K, f, D = held_top()
+    sc.Body(basis, csr_matrix(np.diag(np.full(basis.N, 3.0))), f)
+    sc.Body(basis, twice_enforced(K, D), f, D=D)
+    sc.Body(basis, *fem.penalize(K, f, D=D), D=D)

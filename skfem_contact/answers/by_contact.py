@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.values import ContactValues
-from skfem_contact.arguments import suggest
+from skfem_contact.arguments import NamesAttributes, suggest
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.interface import can_carry
 from skfem_contact.conditions.state import OPEN, SLIP
@@ -48,7 +48,7 @@ class _Its(property):
         super().__init__(only)
 
 
-class OfTheContact(ABC):
+class OfTheContact(NamesAttributes, ABC):
     """Properties of the contact itself, for results with one contact.
 
     With several contacts they are AttributeErrors that name the contacts: nothing is joined.

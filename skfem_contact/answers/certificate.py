@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer, contact_forces
 from skfem_contact.answers.thresholds import NO_LOAD, SCALE_FLOOR
+from skfem_contact.arguments import NamesAttributes
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.state import OPEN
@@ -31,7 +32,7 @@ MODELLED = "Of the model and the pairing (not round-off)"
 
 
 @dataclass(frozen=True)
-class Certificate:
+class Certificate(NamesAttributes):
     """Dimensionless residuals of an answer; round-off where everything holds, but for the last three.
 
     Those measure what the model leaves out, however well its equations are solved: the moments of

@@ -555,7 +555,21 @@ def _jump_lines(answer: Answer) -> list[str]:
 
 def _fall_lines(answer: Answer) -> list[str]:
     """Say what a report says of friction that falls with the slip of points that slip."""
-    lines, state = [], answer.local
+    lines = []
+    for name in falling(answer, GIVEN):
+        lines += [
+            f"the friction of contact {name!r} falls with the slip: where it does so faster than",
+            "the bodies give way a load has several answers; other steps or loops may find others",
+        ]
+    return lines
+
+
+def falling(answer: Answer, share: float) -> list[str]:
+    """Return the contacts whose friction falls over this share of the slip of points that slip.
+
+    A share of -1 compares it with that without slip.
+    """
+    names, state = [], answer.local
     slip = state.slip - state.reference
     for contact, part, name in zip(answer.contacts, answer.slices(), answer.names, strict=True):
         if contact.friction is None:
@@ -563,13 +577,10 @@ def _fall_lines(answer: Answer) -> list[str]:
         law = CheckedLaw(contact.friction, name, contact.secondary.points)
         here = np.maximum(state.normal_force[part], 0.0), answer.kin.area[part]
         now = law.limit(*here, slip[part])
-        ahead = law.limit(*here, (1 + GIVEN) * slip[part])
-        if (ahead < (1 - GIVEN * FALLING) * now)[state.status[part] == SLIP].any():
-            lines += [
-                f"the friction of contact {name!r} falls with the slip: where it does so faster than",
-                "the bodies give way a load has several answers; other steps or loops may find others",
-            ]
-    return lines
+        rise = (law.limit(*here, (1 + share) * slip[part]) - now) / share
+        if (rise < -FALLING * now)[state.status[part] == SLIP].any():
+            names.append(name)
+    return names
 
 
 def _uniqueness_lines(result: ContactResult) -> list[str]:

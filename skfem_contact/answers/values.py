@@ -20,7 +20,7 @@ from skfem_contact.answers.fields import (
     interpolate,
 )
 from skfem_contact.answers.thresholds import COARSE
-from skfem_contact.arguments import numbers
+from skfem_contact.arguments import NamesAttributes, numbers
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactValues:
+class ContactValues(NamesAttributes):
     r"""The answer on the secondary surface of one contact, over all its m points.
 
     ``traction = pressure * normal + tangential_force * tangent / area`` acts on the secondary body,

@@ -30,6 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.arguments import (
+    NamesAttributes,
     check_kind,
     check_name,
     members,
@@ -57,7 +58,7 @@ Mask = NDArray[np.bool_]
     preload="name it in a step of history(...)", force="name it in a step of history(...)"
 )
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Bolt:
+class Bolt(NamesAttributes):
     """A bolt that can be tightened: a section of a body across an axis.
 
     Load steps tighten it: ``{"bolt": {"bolt 1": {"force": 15e3}}}`` gives the force in the bolt,
@@ -219,7 +220,7 @@ def _beyond(body: Body, point: Array, axis: Array, whose: str) -> Mask:
 
 
 @dataclass(frozen=True, eq=False)
-class BoltValues:
+class BoltValues(NamesAttributes):
     """What a bolt carries after a load step.
 
     Attributes

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.arguments import NamesAttributes
 from skfem_contact.assemblies.named import Named
 from skfem_contact.bodies.selection import written
 from skfem_contact.conditions.friction_rule import CheckedLaw
@@ -115,7 +116,7 @@ def _shown(value: Any) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class Joint(NamesAttributes):
     """What one contact carries, in a few numbers.
 
     Attributes

@@ -22,11 +22,13 @@ from skfem_contact.arguments import check_name, known_keywords, with_known_keywo
 from skfem_contact.bodies.boundaries import displacements, tractions
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.inputs import (
+    CONDENSED,
     Dofs,
     Loads,
     Values,
     assembled_stiffness,
     check_basis,
+    check_unprescribed,
     deferred_basis,
     load_of,
     mass_of,
@@ -50,7 +52,9 @@ from skfem_contact.sealed import seal
 Array = NDArray[np.float64]
 
 
-@with_known_keywords(stiffness="write K", load="write f", springs="add their matrix to K")
+@with_known_keywords(
+    f". {CONDENSED}", stiffness="write K", load="write f", springs="add their matrix to K"
+)
 @dataclass(frozen=True, eq=False, init=False)
 class Body(Meshed):
     """One body: a scikit-fem basis with the linear system assembled on it.
@@ -158,14 +162,15 @@ class Body(Meshed):
             object.__setattr__(self, "material", K)
             K = K.form(measure, axisymmetric=self.axisymmetric)
         vars(self).setdefault("material", None)  # bodies that are not linear have set theirs
-        stiffness = Stiffness.of(K, basis, whose)
+        fixed = prescribed_dofs(D, basis, whose)
+        stiffness = Stiffness.of(K, basis, fixed, whose)
         values = {
             "K": stiffness.K,
             "form": stiffness.form,
             "by_skfem": stiffness.by_skfem,
             "_stiffness": stiffness,
             "_mass": mass,
-            "D": prescribed_dofs(D, basis, whose),
+            "D": fixed,
         }
         for key, value in values.items():
             object.__setattr__(self, key, value)
@@ -447,14 +452,18 @@ class Stiffness:
     tensor: NDArray[np.float64] | None = None
 
     @classmethod
-    def of(cls, K: Any, basis: Any, whose: str) -> Stiffness:
-        """Say that of the body whose `K` this is, as in dataclasses.replace, or a new one."""
+    def of(cls, K: Any, basis: Any, D: NDArray[np.int64], whose: str) -> Stiffness:
+        """Say that of the body whose `K` this is, as in dataclasses.replace, or a new one.
+
+        `D` are the prescribed DOFs.
+        """
         known = _KNOWN.get(id(K))
         if known is not None and known.K is K and known.basis is basis:
             return known
         form = K if isinstance(K, BilinearForm) else None
         matrix, made = assembled_stiffness(K, basis, whose)
         if made is None:
+            check_unprescribed(matrix, D, whose)
             return cls(matrix, basis, form).remembered()
         return cls(matrix, basis, form, made.by_skfem, made.tensor).remembered()
 

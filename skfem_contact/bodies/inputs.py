@@ -17,6 +17,7 @@ from skfem_contact.arrays import check_finite, check_size, check_type, dof_numbe
 from skfem_contact.bodies.assembly import Assembled, assembled
 from skfem_contact.bodies.quadrature import DeferredBasis, integrates, parts, scalar_element
 from skfem_contact.bodies.remote import RemoteStiffness
+from skfem_contact.bodies.thresholds import PENALTY
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError, warn
 from skfem_contact.sealed import sealed_matrix
@@ -42,6 +43,12 @@ SUPPORTED: dict[type[skfem.Element], str] = {
 }
 
 
+#: What to write in place of what scikit-fem made of a system whose displacements are prescribed.
+PLAIN = (
+    "pass the plain K and f, the prescribed DOFs by D and their values by x: "
+    "sc.Body(basis, K, f, D=D, x=x)"
+)
+CONDENSED = f"What skfem.condense returns leaves out the prescribed DOFs: {PLAIN}"
 REAL = "contact needs real numbers"
 TAKEN = (
     "; it may be an array, basis.get_dofs(...), a dict of those, boundary names, or a function of the "
@@ -59,9 +66,10 @@ def unknown_boundary(name: str, mesh: Any) -> str:
 
 def check_basis(basis: Any, whose: str) -> None:
     if not isinstance(basis, CellBasis):
+        condensed = f". {CONDENSED}" if issparse(basis) else ""
         raise InputError(
             f"the basis of {whose} is a {type(basis).__name__}, not a skfem.CellBasis; pass the "
-            "basis on which K was assembled: skfem.Basis(mesh, element)"
+            f"basis on which K was assembled: skfem.Basis(mesh, element){condensed}"
         )
     element, mesh = basis.elem, basis.mesh
     inner = element.elem if isinstance(element, skfem.ElementVector) else element
@@ -70,6 +78,11 @@ def check_basis(basis: Any, whose: str) -> None:
             f"{whose} uses {type(inner).__name__}: contact needs elements whose DOFs are values "
             f"at nodes ({', '.join(kind.__name__ for kind in SUPPORTED)}), alone or in an "
             "ElementVector"
+        )
+    if not np.isfinite(scalar_element(element).doflocs).all():
+        raise InputError(
+            f"{whose} uses {type(inner).__name__}, some of whose DOFs are values at no node (bubbles): "
+            "its doflocs are NaN there. Take one whose DOFs are values at nodes"
         )
     if element.dim != mesh.dim():
         raise InputError(
@@ -179,9 +192,10 @@ def _checked(K: Any, basis: Any, whose: str, own: bool = False, symmetric: bool 
             + (" (decorate the function with @skfem.BilinearForm)" if callable(K) else "")
         )
     if K.shape != (basis.N, basis.N):
+        smaller = f", or is condensed. {CONDENSED}" if K.shape[0] < basis.N else ""
         raise InputError(
             f"K of {whose} has shape {K.shape}, its basis has {basis.N} DOFs; K belongs to "
-            "another basis"
+            f"another basis{smaller}"
         )
     check_type(K, f"K of {whose}", REAL)
     matrix = csr_matrix(K, dtype=np.float64)
@@ -202,19 +216,65 @@ def _checked(K: Any, basis: Any, whose: str, own: bool = False, symmetric: bool 
     if largest > GIVEN * scale:
         raise InputError(
             f"K of {whose} is not symmetric: the largest entry of K - K' is {largest:.3g}, of K "
-            f"{scale:.3g}. Boundary conditions imposed by skfem.enforce do that: pass the plain "
-            "K, and D"
+            f"{scale:.3g}. Boundary conditions imposed by skfem.enforce do that: {PLAIN}"
         )
     if largest > COMPUTED * scale:
         matrix = csr32(matrix - 0.5 * difference)
     return sealed_matrix(matrix)
 
 
+def check_unprescribed(K: Any, D: np.ndarray, whose: str) -> None:
+    """Find a matrix, given by the user, that has displacements prescribed in it.
+
+    In rows of prescribed DOFs `skfem.enforce` leaves the diagonal alone, and
+    `skfem.penalize` puts one large number there.
+
+    Raises
+    ------
+    InputError
+        Rows of one entry: these DOFs belong to the body no more.
+
+    Warns
+    -----
+    ContactWarning
+        Large numbers hold the body, which does not know where: it has no reactions.
+    """
+    if isinstance(K, RemoteStiffness) or not K.nnz:
+        return
+    filled = np.concatenate([[0], np.cumsum(K.data != 0, dtype=K.indptr.dtype)])[K.indptr]
+    diagonal = K.diagonal()
+    alone = (np.diff(filled) == 1) & (diagonal != 0)
+    points = alone.all()  # on springs of their own
+    alone[D] = False
+    if alone.any() and not points:
+        raise InputError(
+            f"{np.count_nonzero(alone)} rows of K of {whose} have one entry, on the diagonal, the "
+            f"first is row {int(np.argmax(alone))}: nothing connects these DOFs with the body. "
+            f"Boundary conditions imposed by skfem.enforce do that: {PLAIN}"
+        )
+    large = diagonal == diagonal.max()
+    large[D] = False
+    others = np.abs(diagonal[~large]).max(initial=0.0)
+    if others > 0 and diagonal.max() > PENALTY * others:
+        warn(
+            f"{np.count_nonzero(large)} entries on the diagonal of K of {whose} are "
+            f"{diagonal.max():.3g}, all others at most {others:.3g}. Boundary conditions "
+            "imposed by skfem.penalize do that: "
+            f"the body does not know that it is held there, and tells no reaction. Instead {PLAIN}"
+        )
+
+
 @contextmanager
 def _on_its_basis(basis: Any, what: str) -> Iterator[None]:
-    """Say of a form that can not be assembled how many components it has to be made for."""
+    """Say of a form that can not be assembled what it asks for, or for how many components it is."""
     try:
         yield
+    except (KeyError, AttributeError) as error:
+        raise InputError(
+            f"{what} is a form that reads what is not there ({error}). A body whose form reads its own "
+            "displacements, w['u'], is not linear: sc.NonlinearBody(basis, residual=..., tangent=...). "
+            "For another field assemble here and pass what comes out: K=form.assemble(basis, u=...)"
+        ) from error
     except ValueError as error:
         vector = isinstance(basis.elem, skfem.ElementVector)
         made = "displacements, skfem.ElementVector(...)" if vector else "a scalar field"

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arguments import NamesAttributes
 from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.digits import SOLVED
 
 Index = np.ndarray
 
 
-class Member(ABC):
+class Member(NamesAttributes, ABC):
     """One of the bodies of a contact problem: its equations, and what its DOFs move.
 
     A `Body` has a mesh; a rigid body has the DOFs of its motion alone.

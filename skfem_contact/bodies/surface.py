@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from skfem_contact.arguments import check_name, numbers
+from skfem_contact.arguments import NamesAttributes, check_name, numbers
 from skfem_contact.bodies.areas import own_normals, tributary_areas
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
 from skfem_contact.bodies.facets import check_facets, order_along, seen_from_outside, twin_edges
@@ -26,7 +26,7 @@ from skfem_contact.sealed import seal
 
 
 @dataclass(frozen=True, eq=False)
-class ContactSurface:
+class ContactSurface(NamesAttributes):
     """One boundary of a body as contact sees it: a curve of a plane body, or faces of a solid.
 
     Facets of a curve are listed along it with the body on their left, and the nodes in the order in

@@ -10,6 +10,13 @@ import numpy as np
 # body takes whose gradients fill it. Between 256 kB and 128 MB the time is the same.
 BYTES_AT_ONCE = 32_000_000
 
+# -- inputs ------------------------------------------------------
+
+# A number on the diagonal of K that is larger than all others by this factor prescribes a displacement.
+# skfem.penalize writes 1e10. Springs that are meant as springs are far below: beside one as stiff as
+# this half of the digits of the body are lost.
+PENALTY = 1e8
+
 # -- facet_kinds -------------------------------------------------
 
 # What corners of a face take of the middles of their edges where their own integrals are not positive.

@@ -70,9 +70,11 @@ class Contact(PrintedAsCall):
         The surface that the points are projected onto (master).
     friction : FrictionLaw, optional
         None is frictionless: then nothing tangential is modelled at all.
-    method : {"mortar", "node"}
+    method : {"mortar", "node"} or callable
         Dual mortar, or node-to-segment, which errs by some percent in the pressure where meshes do
-        not match, at no lower cost (docs/methods.md). Obstacles are met node by node either way.
+        not match, at no lower cost (docs/methods.md). A function ``method(secondary, primary,
+        reach=...)`` that returns a `Pairing` is a discretisation of your own (docs/extending.md).
+        Obstacles are met node by node in each case.
     interference : float, ndarray (m,) or callable
         Overlap added to the geometry, positive where the bodies are too large for each other (a
         press fit) [length]. A callable takes component-first positions ``x``.
@@ -121,7 +123,7 @@ class Contact(PrintedAsCall):
     primary: ContactSurface | Obstacle
     _: KW_ONLY
     friction: FrictionLaw | None = None
-    method: Literal["node", "mortar"] = "mortar"
+    method: Literal["node", "mortar"] | Callable[..., Any] = "mortar"
     interference: Field = 0.0
     gap: Field | None = None
     adjust: float = 0.0
@@ -142,8 +144,11 @@ class Contact(PrintedAsCall):
         }
         for name, allowed in choices.items():
             value = getattr(self, name)
+            if name == "method" and callable(value):
+                continue
             if not isinstance(value, str) or value not in allowed:
-                raise InputError(f"Contact: {name} = {shown(value)} is not one of {allowed}.")
+                own = ", nor a function that returns a Pairing" if name == "method" else ""
+                raise InputError(f"Contact: {name} = {shown(value)} is not one of {allowed}{own}.")
         check_switch(self.tied, "Contact: tied")
         check_switch(self.separation, "Contact: separation")
         for name in ("interference", "gap"):
@@ -162,7 +167,7 @@ class Contact(PrintedAsCall):
 
     def __getstate__(self) -> dict[str, Any]:
         known = dict(vars(self))
-        for name in ("interference", "gap"):
+        for name in ("interference", "gap", "method"):
             known[name] = carried(known[name], f"{name} of contact {self.label}")
         return known
 
@@ -231,6 +236,13 @@ class Contact(PrintedAsCall):
     def bilateral(self) -> bool:
         """The contact pulls as well as it presses: its points never open."""
         return self.tied or not self.separation
+
+    @property
+    def method_name(self) -> str:
+        """The method in words; a function by its name."""
+        if isinstance(self.method, str):
+            return self.method
+        return getattr(self.method, "__name__", type(self.method).__name__)
 
     @property
     def rigid(self) -> bool:

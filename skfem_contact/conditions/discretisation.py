@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arguments import shown
+from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.digits import COMPUTED, DECIMALS
+from skfem_contact.digits import COMPUTED, DECIMALS, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.motion import MotionLike
 from skfem_contact.obstacles.obstacle import Obstacle
@@ -90,6 +93,9 @@ def _pair_surfaces(
     contact: Contact, secondary: ContactSurface, primary: ContactSurface, known: Names
 ) -> Pairing:
     """Pair surfaces of two bodies, or one and the edges or triangles of an obstacle node by node."""
+    if callable(contact.method) and not contact.rigid:
+        pairing = contact.method(secondary, primary, reach=contact.reach)
+        return _without_idle(contact, _checked(contact, secondary, primary, pairing))
     mortar = contact.method == "mortar" and not contact.rigid
     extended = contact.sliding == "finite"
     if secondary.dim == 3:
@@ -111,6 +117,47 @@ def _pair_surfaces(
         pairing = node_to_segment(secondary, primary, reach=reach, extended=extended)
     pairing = pairing if corners is None else corners.rows(pairing, every=mortar)
     return pairing if mortar else _without_idle(contact, pairing)
+
+
+def _checked(
+    contact: Contact, secondary: ContactSurface, primary: ContactSurface, pairing: Any
+) -> Pairing:
+    """Refuse what a discretisation of the user's returns if forces would not be in balance by it."""
+    whose = f"Contact {contact.label}: method={contact.method_name}"
+    if not isinstance(pairing, Pairing):
+        raise InputError(f"{whose} returns {shown(pairing)}, not a skfem_contact.pairing.node.Pairing")
+    m, d = secondary.points.shape
+    shapes = {
+        "points": (m, d),
+        "normal": (m, d),
+        "tangent": (m, d - 1, d),
+        "gap": (m,),
+        "area": (m,),
+        "secondary_weights": (m, m),
+        "primary_weights": (m, len(primary.points)),
+        "paired": (m,),
+        "miss": (m,),
+        "facet": (m,),
+    }
+    for name, shape in shapes.items():
+        value = getattr(pairing, name)
+        if np.shape(value) != shape:
+            raise InputError(f"{whose} returns {name} of shape {np.shape(value)}; it has to be {shape}")
+    at = np.asarray(pairing.paired, dtype=bool)
+    sums = [csr_matrix(w)[at].sum(axis=1) for w in (pairing.secondary_weights, pairing.primary_weights)]
+    rules = {
+        "weights of both sides that add up to one in each row": [np.ravel(s) - 1 for s in sums],
+        "normals of length one": [np.linalg.norm(pairing.normal[at], axis=1) - 1],
+        "finite gaps where points are paired": [0.0 * pairing.gap[at]],
+    }
+    for rule, errors in rules.items():
+        wrong = ~np.all([np.abs(error) <= SOLVED for error in errors], axis=0)
+        if wrong.any():
+            i = int(np.flatnonzero(at)[np.argmax(wrong)])
+            raise InputError(
+                f"{whose} has to return {rule}; point {i} at {written(pairing.points[i])} has not"
+            )
+    return pairing
 
 
 def _with_signs(contact: Contact, secondary: ContactSurface, pairing: Pairing, away: Array) -> Pairing:

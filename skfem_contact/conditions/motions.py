@@ -7,7 +7,7 @@ against the rows that contact and friction hold at the moment.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -22,7 +22,7 @@ from skfem_contact.bodies.system import System
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.thresholds import FEW_MODES, NO_WORK, NOT_NAMED, RESISTS
-from skfem_contact.digits import COMPUTED, GIVEN
+from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.errors import NoEquilibrium
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.records import dataclass
@@ -172,6 +172,22 @@ class RigidMotions(ByFields):
         words = motions[0] if same else "; ".join(map(": ".join, zip(bodies, motions, strict=True)))
         return tuple(bodies), words
 
+    def load_along(self, combination: Array, f: Array) -> dict[str, float]:
+        """The sums of the load f (n,) on what moves, along the axes that it moves along [force]."""
+        u = self.modes @ combination
+        sums: dict[str, float] = {}
+        parts = zip(self.system.bodies, self._parts(u), self._parts(f), strict=True)
+        for body, moved, load in parts:
+            if np.max(np.abs(moved), initial=0.0) > GIVEN * np.max(np.abs(u)):
+                modes, names = self.system.modes(body), self.system.mode_names(body)
+                known = _moving(modes, names, moved)
+                for mode, name in zip(modes.T, names, strict=True):
+                    motion, _, axis = name.partition(" of part ")[0].partition(" along ")
+                    if name in known and motion == "translation":
+                        force = float(mode @ load / np.max(np.abs(mode)))
+                        sums[axis] = sums.get(axis, 0.0) + force
+        return sums
+
     def indifferent(self, free: Array, why: str = NOWHERE) -> tuple[str, ...]:
         """A sentence for each body and motion that is free and not loaded, from (k, j).
 
@@ -268,7 +284,8 @@ def no_equilibrium(
         (f"Body {names} is", "") if len(bodies) == 1 else (f"Bodies {names} are", " together")
     )
     known = "" if f is None else NOT_SHOWN
-    known = SHOWN if shown else known
+    if shown and f is not None:
+        known = SHOWN + _out_of_balance(motions.load_along(moves, f), f, len(bodies) == 1)
     if pull > 0.0:
         known = DRIVEN.format(pull)
     return NoEquilibrium(
@@ -280,6 +297,14 @@ def no_equilibrium(
         motion,
         result,
     )
+
+
+def _out_of_balance(sums: Mapping[str, float], f: Array, alone: bool) -> str:
+    """Say what the loads on the bodies that move come to: what no support takes."""
+    if max(map(abs, sums.values()), default=0.0) <= SOLVED * np.sum(np.abs(f)):
+        return ""  # a moment
+    words = " and ".join(f"{force:.6g} along {axis}" for axis, force in sums.items())
+    return f"The loads on {'it' if alone else 'them'} add up to {words}. "
 
 
 def null_space(rows: Array, least: float = RESISTS) -> Array:
@@ -307,10 +332,15 @@ def _held(products: Array, least: float) -> bool:
 
 def motion_words(modes: Array, names: tuple[str, ...], u: Array) -> str:
     """The motion u (n,), or motions (n, j), in words: which rigid modes (n, k) have a part in it."""
+    return joined(_moving(modes, names, u))
+
+
+def _moving(modes: Array, names: tuple[str, ...], u: Array) -> list[str]:
+    """The names of the rigid modes (n, k) that have a part in a motion u (n,), or motions (n, j)."""
     scaled = modes / np.max(np.abs(modes), axis=0)
     share = np.abs(np.linalg.lstsq(scaled, u, rcond=None)[0])
     share = share if share.ndim == 1 else np.max(share, axis=1)
-    return joined([name for name, s in zip(names, share, strict=True) if s > NOT_NAMED * share.max()])
+    return [name for name, s in zip(names, share, strict=True) if s > NOT_NAMED * share.max()]
 
 
 def joined(names: Sequence[str]) -> str:

@@ -77,7 +77,7 @@ def dry_run(solver: Solver) -> str:
         lines.append(f"  {_model_words(contact)}")
         lines += [f"  {line}" for line in _spring_words(solver, contact, part)]
         lines += [f"  {line}" for line in _gap_words(solver, contact, pairing, part)]
-        sides = pairing, contact.secondary, contact.primary, contact.method
+        sides = pairing, contact.secondary, contact.primary, contact.method_name
         # glue holds what is together in the undeformed meshes
         follows = contact.sliding == "finite" and not contact.bilateral
         lines += [f"  {line}" for line in (*diagnose(*sides, follows), *say_stiffer(*sides))]
@@ -133,8 +133,8 @@ def _free_words(solver: Solver) -> str:
 
 def _model_words(contact: Contact) -> str:
     if contact.tied:
-        return f"tied ({contact.method}): gaps and slips are zero, also in tension"
-    method = "node by node" if contact.rigid else str(contact.method)
+        return f"tied ({contact.method_name}): gaps and slips are zero, also in tension"
+    method = "node by node" if contact.rigid else contact.method_name
     if not contact.separation:
         method += "; no separation: gaps are zero, also in tension"
     law = "frictionless: nothing tangential is modelled"

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.result import ContactResult
+from skfem_contact.answers.result import ContactResult, falling
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium
@@ -86,9 +86,13 @@ class Verdict:
             assert self.motions is not None
             known = self.f, result, self.shown, self.pull, self.carries
             return no_equilibrium(self.motions, self.free, self.when, *known)
-        message = "" if result is None else result.message
+        message, falls = "", ""
+        if result is not None:
+            message, names = result.message, falling(result._answer, -1.0)
+            other = "direct" if loop == "newton" else "newton"
+            falls = FALLS.format(", ".join(map(repr, names)), other) if names else ""
         return NotConverged(
-            f"The loop '{loop}' did not converge: {message}. {self.carries}{self.advice}"
+            f"The loop '{loop}' did not converge: {message}. {self.carries}{falls}{self.advice}"
             "the last state is in `.result` of this exception, the steps before it in `.results`.",
             result,
         )
@@ -294,6 +298,11 @@ JUMPS = (
     "that never opens, Contact(separation=False). "
 )
 FIRST = "A larger part of the step came to this: {}. "
+FALLS = (
+    "The friction of contact {} falls with the slip: points that begin to slip carry less, and may go "
+    "on by themselves. Try loop={!r}, which passes most of these; then smaller load steps, and "
+    "prescribed displacements in the place of a force. "
+)
 CORNERS = (
     "Its surfaces have sharp corners. Usually a face gives way to the next one there: the "
     "body snaps from the one to the other, and between them there is no equilibrium, "

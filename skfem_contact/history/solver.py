@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import (
+    NamesAttributes,
     check_kind,
     check_switch,
     known_keywords,
@@ -66,7 +67,7 @@ Array = NDArray[np.float64]
 S = TypeVar("S", bound="ProblemSetup")
 
 
-class ProblemSetup:
+class ProblemSetup(NamesAttributes):
     """Bodies, contacts, their pairing, and the linear problem that is put upon them.
 
     The parameters are those of `ContactSolver`, which is this with loads. What belongs to the pairing

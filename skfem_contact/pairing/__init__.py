@@ -31,7 +31,7 @@ __getattr__, __dir__ = entrances(
         "frames": "plane_moduli",
         "joints": "rim_points",
         "mortar": "dual_mortar least_gaps",
-        "node": "gap_vectors node_to_segment",
+        "node": "gap_vectors node_to_segment Pairing",
         "pieces": "whole_shares",
         "projection": "interpolated_normals project",
         "search": "FacetTree closest_candidates",

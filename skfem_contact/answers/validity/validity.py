@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import A_TENTH, ALONE, FACETS, LOCKED, OVERLAP, SAGITTA
 from skfem_contact.answers.validity.track import Track
+from skfem_contact.arguments import NamesAttributes
 from skfem_contact.records import dataclass
 
 if TYPE_CHECKING:
@@ -273,7 +274,7 @@ class ContactValidity:
 
 
 @dataclass(frozen=True, eq=False)
-class Validity:
+class Validity(NamesAttributes):
     """The validity of the model at an answer; `print` shows it, `problems` says what to change.
 
     Attributes
