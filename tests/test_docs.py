@@ -98,7 +98,6 @@ def test_every_public_name_has_an_example(name: str) -> None:
     assert ">>> " in (PUBLIC[name].__doc__ or "")
 
 
-@pytest.mark.xfail(reason="guide, recipes and theory are being shortened", strict=True)
 def test_the_users_site_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
     """All that users read, code included; what only checks the library is in docs/checks."""
     monkeypatch.syspath_prepend(str(DOCS.parent / "benchmarks"))

@@ -19,7 +19,7 @@ WANTED = {  # of two pages the first that there is
     "hyperelastic": ["nonlinear.md"],
     "large strain": ["nonlinear.md"],
     "pretension": ["bolts.md"],
-    "calibrate": ["derivatives.md"],
+    "calibrate": ["recipes/calibration.md"],
     "self contact": ["limits.md"],
     "periodic": ["limits.md"],
     "export vtk": ["pictures.md"],

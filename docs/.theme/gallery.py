@@ -35,6 +35,7 @@ PARTS = {
     "lap_joint": WHOLE,
     "leaking_flange": (0.66, 0.0, 1.0, 1.0),
     "die_set": (0.0, 0.0, 0.5, 1.0),
+    "smallest_interference": WHOLE,
     "ironing": (0.0, 0.0, 1.0, 0.57),
     "towing_wheel": (0.0, 0.0, 1.0, 0.6),
     "braked_ball": (0.63, 0.0, 1.0, 0.54),
