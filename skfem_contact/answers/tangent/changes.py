@@ -64,10 +64,10 @@ class Change:
     shape: dict[str, Array] = field(default_factory=dict)
 
     @classmethod
-    def none(cls, answer: Answer) -> Change:
-        """No change."""
+    def none(cls, answer: Answer, loads: bool = True) -> Change:
+        """No change; without `loads` f and x are empty."""
         m, t = answer.local.slip.shape
-        n, still = answer.system.n, np.zeros((m, t))
+        n, still = answer.system.n if loads else 0, np.zeros((m, t))
         bolts = np.zeros((2, len(answer.bolt_names)))
         return cls(np.zeros(n), np.zeros(n), np.zeros(m), still, still.copy(), np.zeros(m), *bolts)
 
@@ -76,6 +76,10 @@ class Change:
         """The changes of loads, of the contact, of its friction, and of bolts."""
         contact = self.gap0, self.slip0, self.friction, self.bound
         return self.f, self.x, *contact, self.drive, self.tension
+
+    def dot(self, by: Change) -> float:
+        """What it makes of a number that has these derivatives, but for `shape`."""
+        return sum(float(np.vdot(a, b)) for a, b in zip(self.parts, by.parts, strict=True) if b.size)
 
     @property
     def case(self) -> LoadCase:
@@ -399,8 +403,7 @@ def contracted(by: Parameter, tangent: Tangent, duals: Change, weights: Any) -> 
     answer, kin = tangent.answer, tangent.answer.kin
     if not by.field:
         found = change(by, tangent)
-        pairs = zip(found.parts, duals.parts, strict=True)
-        return sum((float(np.vdot(a, b)) for a, b in pairs), weights.at(found.shape))
+        return found.dot(duals) + weights.at(found.shape)
     if by.kind in ("load", "displacement"):
         i, span = _only(_bodies(by, answer), by)
         return (duals.f if by.kind == "load" else duals.x)[span] * _factor(by, answer, i)

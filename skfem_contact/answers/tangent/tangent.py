@@ -173,29 +173,35 @@ class Tangent:
         force, way = self.local.tangential_force, self.answer.plastic_slip
         size = lengths(force)
         # nearly without a bound friction has a direction all the same: that of the slip
-        tells = (size > SOLVED * largest(size)) | ~way.any(axis=1)
-        along = np.where(tells[:, None], force, way)
-        size = np.where(tells, size, lengths(way))
-        return np.where(self.slips[:, None], along / np.where(size > 0, size, 1.0)[:, None], 0.0)
+        faint = self.slips & (size <= SOLVED * largest(size))
+        if np.count_nonzero(faint):
+            faint = faint & way.any(axis=1)
+            force = np.where(faint[:, None], way, force)
+            size = np.where(faint, lengths(way), size)
+        return np.where(self.slips[:, None], force / np.where(size > 0, size, 1.0)[:, None], 0.0)
 
     @cached_property
     def slopes(self) -> Slopes:
         """Derivatives of the friction of slipping points."""
-        local, rule, t = self.local, self.rule, self.local.slip.shape[1]
-        unit, slips = np.eye(t), self.slips[:, None, None]
-        exact, elastic = self.exact[:, None, None], unit * self.elastic[:, None, None]
+        local, (m, t) = self.local, self.local.slip.shape
+        slips, elastic = self.slips[:, None, None], self.elastic[:, None, None]
+        if t == 1 and self.rule.steady:  # nothing turns
+            by_normal, trial = self.direction * self.bound_slope[:, None], BEYOND * self.direction
+            spring, none = elastic * self.stiffness[:, None, None], np.zeros((m, 1, 1))
+            return Slopes(spring, 1.0 * elastic, none, 1.0 * slips, by_normal, trial)
+        unit = np.eye(t)
+        elastic = unit * elastic
         way, force = self.answer.plastic_slip, lengths(local.tangential_force)
-        moved = lengths(way)
+        exact, moved = self.exact[:, None, None], lengths(way)
         # with exact sticking any stiffness does: one that makes the trial force twice the bound
         k = np.where(force > 0, force, 1.0) / np.where(moved > 0, moved, 1.0)
         k = np.where(self.exact, k, self.stiffness)[:, None]
         trial = local.tangential_force + k * way if t > 1 else BEYOND * self.direction
-        by = rule.mapped(trial, local.normal_force, local.slip)[2]
-        J, M = np.where(slips, by.trial, 0.0), unit * slips
-        if np.count_nonzero(J):
-            M = M @ np.linalg.inv(unit - np.where(exact, J, 0.0))
+        by = self.rule.mapped(trial, local.normal_force, local.slip)[2]
+        J = np.where(slips, by.trial, 0.0)
+        M = unit * slips @ np.linalg.inv(unit - np.where(exact, J, 0.0))
         spring = M @ (k[:, :, None] * J) + k[:, :, None] * elastic
-        if rule.steady:  # round-off alone takes springs from being symmetric
+        if self.rule.steady:  # round-off alone takes springs from being symmetric
             spring = 0.5 * (spring + spring.swapaxes(1, 2))
         # the bound of glue that is pulled stays as it is
         by_normal = np.einsum("ikl,il->ik", M, np.where(self.presses[:, None], by.normal_force, 0.0))
@@ -225,21 +231,14 @@ class Tangent:
 
     def friction(self, by_map: Array, by_trial: Array, by_slip: Array) -> Array:
         """Changes of friction by those of the return map, and of the friction and slip before."""
-        found, given = np.zeros(self.local.slip.shape), (by_map, by_trial, by_slip)
-        for slope, own in zip(self._slopes, given, strict=True):
-            if slope is not None:
-                found += np.einsum("ikl,il->ik", slope, own)
-        return found
+        slopes = self.slopes.by_map, self.slopes.by_trial, self.slopes.by_slip
+        both = zip(slopes, (by_map, by_trial, by_slip), strict=True)
+        return np.asarray(sum(np.einsum("ikl,il->ik", slope, own) for slope, own in both))
 
     def friction_by(self, given: Array) -> list[Array]:
         """`friction` transposed."""
-        still = np.zeros(given.shape)
-        return [still if s is None else np.einsum("ikl,ik->il", s, given) for s in self._slopes]
-
-    @property
-    def _slopes(self) -> list[Array | None]:
         slopes = self.slopes.by_map, self.slopes.by_trial, self.slopes.by_slip
-        return [slope if np.count_nonzero(slope) else None for slope in slopes]
+        return [np.einsum("ikl,ik->il", slope, given) for slope in slopes]
 
     # -- how far it holds -----------------------------------------------------------------------
 
