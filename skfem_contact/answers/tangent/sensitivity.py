@@ -158,8 +158,8 @@ def _which(answer: Answer, contact: Any, what: str) -> int:
 def _terms(answers: Sequence[Answer], what: str, i: int) -> list[tuple[str, Index, Array]]:
     """A quantity of a contact as a linear map of the blocks of `Weights.points`, to be summed.
 
-    Of s results of one pairing at once. Each term with its name, its points (k,), and what a number of
-    these makes of the quantity, (s or 1, k or 1, width, o); of a resultant force at each point its share.
+    Of s results of one pairing at once. Each term has its name, its points (k,), and what a number of
+    these makes of the quantity, (s or 1, k or 1, width, o); of a resultant at each point its share.
     """
     kin, part = answers[0].kin, answers[0].model.interface.point_slices[i]
     heir, own, one = kin.heir[part], np.arange(part.start, part.stop), np.ones((1, 1, 1, 1))
