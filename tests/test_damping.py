@@ -175,6 +175,7 @@ def test_loops_are_closed_where_their_ends_meet():
     assert abs(found.masing[1] / found.energy[1] - 1) > 0.01  # pressures change in a cycle
 
 
+@pytest.mark.slow
 def test_small_amplitudes_are_those_of_the_mode():
     """A joint that sticks is linear: the frequency of the mode, and no damping; whatever the unit."""
     found = []
@@ -206,8 +207,8 @@ def test_what_is_glued_has_no_damping():
 def test_pictures():
     """Frequency, damping and loops, one more by Masing's rule."""
     pytest.importorskip("matplotlib")
-    solver, result, modes = rod()
-    found = solver.damping(result, modes, [pulled(PULL), pulled(2 * PULL)], steps=4)
+    solver, result, modes = rod(20)
+    found = solver.damping(result, modes, [pulled(PULL), pulled(2 * PULL)], steps=3)
     figure = sc.output.plot_damping(found, units={"length": "mm", "time": "s"})
     assert [ax.get_ylabel() for ax in figure.axes[:2]] == ["frequency [1/s]", "damping, of critical"]
     assert figure.axes[0].get_xlabel() == "amplitude [mm]"
