@@ -617,10 +617,11 @@ def test_bolts_have_the_derivatives_of_springs(given, again):
 
 
 @pytest.mark.slow
-def test_a_bolted_joint_has_the_derivatives_of_differences():
-    """In space with friction: tightened, pulled and let go, by five numbers; backwards is forwards."""
+@pytest.mark.parametrize("given, size", [("force", 8e3), ("stretch", 0.077)])
+def test_a_bolted_joint_has_the_derivatives_of_differences(given, size):
+    """In space with friction: tightened, pulled and let go, by four numbers; backwards is forwards."""
     meshes = parts(fem.MeshHex)
-    start = {"bolt_force": 8e3, "friction": 0.2, "load": 1.0, "stiffness": 1.0}
+    start = {"bolt_" + given: size, "friction": 0.2, "load": 1.0, "stiffness": 1.0}
 
     def history(**other):
         at = start | other
@@ -629,7 +630,7 @@ def test_a_bolted_joint_has_the_derivatives_of_differences():
         if at["stiffness"] != 1.0:
             solver = solver.with_stiffness("bolt", at["stiffness"] * bolt.K)
         f = at["load"] * pull_of(upper)
-        tight = {"bolt": {"M": {"force": at["bolt_force"]}}}
+        tight = {"bolt": {"M": {given: at["bolt_" + given]}}}
         return solver, [tight, {"f": {"upper": f}}, {"f": {"upper": 0.5 * f}}]
 
     def values(result):
