@@ -121,7 +121,7 @@ def decay(m, spring, w, cycles, dt):
 @pytest.mark.slow
 @pytest.mark.parametrize("stiff", [20, 80])
 def test_free_vibrations_decay_as_damping_says(stiff):
-    """In time, on a spring beside the rod: the two differ by half the share of friction in the force."""
+    """In time, on a spring beside the rod; both differ by half the share of friction in the force."""
     peak = PULL**2 / (2 * BOUND * STIFFNESS)
     spring, m = stiff * PULL / peak, 0.5
     solver, result, modes = rod(spring=spring)
