@@ -20,8 +20,7 @@ from scipy.sparse.linalg import eigsh
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.tangent.tangent import held_rows
-from skfem_contact.elimination.transformation import eliminate
+from skfem_contact.answers.tangent.tangent import held_rows, left_free
 from skfem_contact.history.gradients import gradient
 
 
@@ -53,8 +52,7 @@ def scene(cells: tuple[int, int, int, int]) -> sc.ContactSolver:
 
 def held(solver: sc.ContactSolver, closed: np.ndarray) -> Any:
     """What is left free where these points are stuck, ``u = T u_r``."""
-    rows, system = held_rows(solver.kin, closed, closed), solver.system
-    return eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n)).T
+    return left_free(held_rows(solver.kin, closed, closed), solver.system).T
 
 
 def spent(run: Callable[[], object]) -> float:

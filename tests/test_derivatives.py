@@ -783,7 +783,6 @@ def test_twenty_kinks():
     space = kinked(range(14), 0, 0.006, same_status, 3) + kinked(
         (5, 6, 13, 15, 16, 17), 2, 0.004, still_open, 3
     )
-    print(len(found), len(space), max(found), max(space))
     assert len(found) >= 20 and len(space) >= 20
     assert max(found + space) < CLOSE
 

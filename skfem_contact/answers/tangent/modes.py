@@ -27,13 +27,12 @@ from scipy.sparse import block_diag, csc_matrix, csr_matrix
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.tangent.tangent import Tangent, held_rows
+from skfem_contact.answers.tangent.tangent import Tangent, held_rows, left_free
 from skfem_contact.arguments import shown
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import SOLVED
 from skfem_contact.elimination.constraint import AffineConstraint
-from skfem_contact.elimination.transformation import eliminate
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.resources import single_threaded
@@ -178,13 +177,11 @@ def _constraints(answer: Answer, slipping: str) -> tuple[AffineConstraint, Affin
     stick = closed & (interface.frictional | interface.tied)
     if slipping != "stuck":
         stick &= local.status == STICK
-    rows = held_rows(answer.kin, closed, stick)
-    trial = eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n))
+    trial = left_free(held_rows(answer.kin, closed, stick), system)
     slope = Tangent(answer).slope if slipping == "steady" else np.zeros(0)
     if not np.any(slope):
         return trial, trial
-    rows = held_rows(answer.kin, closed, stick, slope)
-    return trial, eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n))
+    return trial, left_free(held_rows(answer.kin, closed, stick, slope), system)
 
 
 def _symmetric(

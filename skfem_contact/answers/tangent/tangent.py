@@ -33,7 +33,8 @@ from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.arguments import numbers
-from skfem_contact.arrays import largest, lengths
+from skfem_contact.arrays import largest, lengths, unit_vectors
+from skfem_contact.bodies.system import System
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
@@ -41,6 +42,7 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import SOLVED
+from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.problem.response import Conditions, Source
@@ -170,15 +172,13 @@ class Tangent:
     @cached_property
     def direction(self) -> Array:
         """See the class."""
-        force, way = self.local.tangential_force, self.answer.plastic_slip
-        size = lengths(force)
+        size, along = lengths(self.local.tangential_force), self.toward
         # nearly without a bound friction has a direction all the same: that of the slip
         faint = self.slips & (size <= SOLVED * largest(size))
         if np.count_nonzero(faint):
-            faint = faint & way.any(axis=1)
-            force = np.where(faint[:, None], way, force)
-            size = np.where(faint, lengths(way), size)
-        return np.where(self.slips[:, None], force / np.where(size > 0, size, 1.0)[:, None], 0.0)
+            way = self.answer.plastic_slip
+            along = np.where((faint & way.any(axis=1))[:, None], unit_vectors(way), along)
+        return np.where(self.slips[:, None], along, 0.0)
 
     @cached_property
     def slopes(self) -> Slopes:
@@ -289,8 +289,7 @@ class Tangent:
     @cached_property
     def toward(self) -> Array:
         """Unit direction of the friction force of every point, zero without one."""
-        size = lengths(self.local.tangential_force)
-        return self.local.tangential_force / np.where(size > 0, size, 1.0)[:, None]
+        return unit_vectors(self.local.tangential_force)
 
     @cached_property
     def kinks(self) -> Index:
@@ -377,7 +376,7 @@ class Tangent:
     @cached_property
     def T(self) -> csr_matrix:
         """Rates of u that `rows` and supports leave free, ``u = T u_r``, (n, r)."""
-        return self._basis(self.rows)
+        return csr_matrix(left_free(self.rows, self.answer.system).T)
 
     @cached_property
     def W(self) -> csr_matrix:
@@ -387,7 +386,8 @@ class Tangent:
         """
         if not np.any(self.slope):
             return self.T
-        return self._basis(held_rows(self.answer.kin, self.closed, self.stick, self.slope))
+        rows = held_rows(self.answer.kin, self.closed, self.stick, self.slope)
+        return csr_matrix(left_free(rows, self.answer.system).T)
 
     @property
     def K_r(self) -> csr_matrix:
@@ -398,12 +398,6 @@ class Tangent:
     def K_friction(self) -> csr_matrix:
         """The part of `K_r` by friction that follows the pressure, ``(W - T)' K T``, (r, r)."""
         return csr_matrix((self.W - self.T).T @ self.K @ self.T)
-
-    def _basis(self, rows: csr_matrix) -> csr_matrix:
-        from skfem_contact.elimination.transformation import eliminate
-
-        system = self.answer.system
-        return csr_matrix(eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n)).T)
 
     def __repr__(self) -> str:
         count = [int(np.sum(self.status == k)) for k in (OPEN, STICK, SLIP)]
@@ -428,6 +422,13 @@ def held_rows(kin: Kinematics, closed: Mask, stick: Mask, slope: Array | None = 
     return csr_matrix(vstack(held))
 
 
+def left_free(rows: csr_matrix, system: System) -> AffineConstraint:
+    """What rows that are zero, and supports, leave free."""
+    from skfem_contact.elimination.transformation import eliminate
+
+    return eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n))
+
+
 def differentiable(law: FrictionLaw) -> bool:
     """Whether a law says how its bound changes: one of ours, or with a slope or map of its own."""
     own = type(law)
@@ -443,7 +444,11 @@ def refuse(answer: Answer) -> None:
     """
     model = answer.model
     interface = model.interface
-    bare = [law for _, law in interface.laws if not differentiable(law.law)]
+    bare = [
+        f"{type(law.law).__name__} of contact '{law.contact}'"
+        for _, law in interface.laws
+        if not differentiable(law.law)
+    ]
     reasons: dict[str, Any] = {
         f"it did not converge ({answer.message})": not answer.converged,
         'contact slides far (sliding="finite"): how its pairing changes is not differentiated. Where '
@@ -459,18 +464,12 @@ def refuse(answer: Answer) -> None:
         "a material has internal variables, which are not differentiated": any(
             getattr(body, "initial_state", None) for body in model.system.bodies
         ),
+        f"the law {', '.join(bare)} has no slopes of its own, and "
+        "difference quotients leave six digits. Give it a method slope(...), the derivative of its "
+        "limit by the normal force, or a return_map(...)": bare,
+        f"the contact problem has no matrix on this route ({model.route}). Make the solver with "
+        'linear="condensed"': model.for_tangents is None,
     }
-    for law in bare[:1]:
-        reasons[
-            f"the law {type(law.law).__name__} of contact '{law.contact}' has no slopes of its own, "
-            "and difference quotients leave six digits. Give it a method slope(...), the derivative of "
-            "its limit by the normal force, or a return_map(...)"
-        ] = True
     for words, wrong in reasons.items():
         if wrong:
             raise InputError(f"this result has no derivatives: {words}.")
-    if model.for_tangents is None:
-        raise InputError(
-            f"this result has no derivatives: the contact problem has no matrix on this route "
-            f'({model.route}). Make the solver with linear="condensed".'
-        )
