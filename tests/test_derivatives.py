@@ -213,6 +213,9 @@ def test_loads_and_tools_by_differences():
     results = list(solver.history(steps))
     assert sorted(set(results[-1].status)) == [1, 2]
     move = sc.answers.Parameter("motion", of="floor", along=(1.0, 2.0))
+    by = [sc.answers.Parameter("motion", of="floor", field=True), move]
+    field, number = solver.gradient(whole, steps, by=by).parts
+    assert_allclose(field @ (1.0, 2.0), number, rtol=1e-11)
     found = (
         forward(results, sc.answers.Parameter("load", of="block", along=load)),
         results[-1].sensitivity(move),

@@ -9,7 +9,7 @@ contact forces, without solving either.
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -223,12 +223,13 @@ def contracted(by: Parameter, tangent: Tangent, duals: Change, weights: Any) -> 
     kin, places = tangent.answer.kin, _places(by, tangent.answer)
     if len(places) != 1:
         raise InputError(f"{by!r}: a field is of one body or contact; name it, of=...")
-    if by.kind in GAPS:
-        gap0 = np.where(kin.paired, duals.gap0, 0.0)
-        duals = replace(duals, gap0=gap0 if kin.gap_weights is None else kin.gap_weights.T @ gap0)
     [(i, at)], total = places, 0.0
     for name, factor in _factors(by, tangent, i, at):
-        dual, count = getattr(duals, name)[at], factor.shape[-1]
+        dual, count = getattr(duals, name), factor.shape[-1]
+        if by.kind in GAPS:
+            dual = np.where(kin.paired, dual, 0.0)
+            dual = dual if kin.gap_weights is None else kin.gap_weights.T @ dual
+        dual = dual[at]
         each = dual[..., None] * factor if by.kind == "motion" else dual.T * factor
         total = total + each.reshape(-1, count).sum(axis=0)
     return total

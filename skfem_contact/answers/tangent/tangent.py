@@ -172,13 +172,14 @@ class Tangent:
     @cached_property
     def direction(self) -> Array:
         """See the class."""
-        size, along = lengths(self.local.tangential_force), self.toward
+        along = self.local.tangential_force
+        size = lengths(along)
         # nearly without a bound friction has a direction all the same: that of the slip
         faint = self.slips & (size <= SOLVED * largest(size))
         if np.count_nonzero(faint):
             way = self.answer.plastic_slip
-            along = np.where((faint & way.any(axis=1))[:, None], unit_vectors(way), along)
-        return np.where(self.slips[:, None], along, 0.0)
+            along = np.where((faint & way.any(axis=1))[:, None], way, along)
+        return unit_vectors(np.where(self.slips[:, None], along, 0.0))
 
     @cached_property
     def slopes(self) -> Slopes:
