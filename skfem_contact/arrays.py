@@ -132,6 +132,16 @@ def lengths(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.linalg.norm(vectors, axis=1))
 
 
+def unit_vectors(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors (k, d) over their lengths; those of length zero stay.
+
+    >>> unit_vectors(np.array([[3.0, 4.0], [0.0, 0.0]])).tolist()
+    [[0.6, 0.8], [0.0, 0.0]]
+    """
+    size = lengths(vectors)
+    return np.asarray(vectors / np.where(size > 0, size, 1.0)[:, None])
+
+
 def size_of(values: NDArray[np.float64]) -> float:
     """The largest absolute value, zero where there is none."""
     return float(np.abs(values).max(initial=0.0))

@@ -71,6 +71,11 @@ class State:
         """The scene, for many histories."""
         return self.solver()
 
+    @cached_property
+    def results(self) -> list[sc.answers.ContactResult]:
+        """Its history."""
+        return list(self.as_it_is.history(self.steps()))
+
     def steps(self, by: str = "", shift: float = 0.0) -> list[Any]:
         factor = 1.0 + (shift if by == "displacement" else 0.0)
         return [{"x": {"up": {"top": tuple(factor * np.array(way))}}} for way in self.ways]
@@ -110,7 +115,7 @@ def forward(
 def differences(state: State, by: str, width: float) -> dict[str, Array] | None:
     """The same by central differences of order four; None where a point changes on the way."""
     ends = {side: state.history(by, side * width) for side in (-2, -1, 1, 2)}
-    here = state.history()
+    here = state.results
     for end in ends.values():
         if any(not np.array_equal(a.status, b.status) for a, b in zip(end, here, strict=True)):
             return None
@@ -126,7 +131,7 @@ def worst(state: State, by: str, width: float) -> float | None:
     wanted = differences(state, by, width)
     if wanted is None:
         return None
-    results = state.history()
+    results = state.results
     found, off = forward(results, state.parameter(by)), 0.0
     for name, values in wanted.items():
         if name == "dissipation" and not state.ours:

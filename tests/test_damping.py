@@ -9,7 +9,9 @@ import pytest
 import skfem as fem
 from bolted import clamped, parts
 from numpy.testing import assert_allclose
+from quick_elasticity import linear_elasticity
 from rectangles import rectangle
+from scipy.optimize import brentq
 from scipy.sparse import diags
 
 import skfem_contact as sc
@@ -19,14 +21,16 @@ PULL, LENGTH, BOUND, STIFFNESS = 30.0, 100.0, 1.0, 1000.0
 
 
 @cache
-def rod(cells=100, height=0.5):
+def rod(cells=100, height=0.5, spring=0.0):
     """On a rough floor, with its mass at the end that is free, and its mode without friction."""
     basis = rectangle(np.linspace(0, LENGTH, cells + 1), [0, height])
     D = np.union1d(basis.get_dofs("left").all(), basis.get_dofs(elements=True).all("u^2"))
     form = fem.BilinearForm(lambda u, v, _: u[0] * v[0] + u[1] * v[1])
     # next to nothing elsewhere: eigenvalues of more than one mode are finite
-    mass = form.assemble(basis.boundary("right")) + 1e-12 * form.assemble(basis)
-    body = sc.Body(basis, sc.Elastic(STIFFNESS / height, 0.0), D=D, mass=mass, name="rod")
+    end = form.assemble(basis.boundary("right"))
+    mass, bedded = end + 1e-12 * form.assemble(basis), spring / height * end
+    K = linear_elasticity(0.0, 0.5 * STIFFNESS / height).assemble(basis) + bedded
+    body = sc.Body(basis, K, D=D, mass=mass, name="rod")
     floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
     foot = sc.Contact(
         body.surface("bottom"), floor, friction=sc.Tresca(BOUND), separation=False, method="node"
@@ -80,6 +84,53 @@ def test_more_load_steps_change_the_area_by_their_fourth_power():
     )
     assert abs(few / many - 1) < 8e-3
     assert abs(some - many) < abs(few - many) / 8  # 16, less what slips node by node
+
+
+def decay(m, spring, w, cycles, dt):
+    """Extremes of ``m w'' + spring w + F(w) = 0``, let go at w, by generalised alpha.
+
+    F is that of a rod on a rough floor without end, whose branches are Masing's.
+    """
+    alpha_m, alpha_f, beta, gamma = 0.5, 0.5, 0.25, 0.5  # nothing is damped by the method
+    turn, before, way = w, np.sqrt(2 * STIFFNESS * BOUND * w), -1.0
+
+    def force(x):
+        return spring * x + before + way * 2 * np.sqrt(STIFFNESS * BOUND * max(way * (x - turn), 0.0))
+
+    v, a, found = 0.0, -force(w) / m, [w]
+    while len(found) <= 2 * cycles:
+        here = force(w)
+
+        def speeding(x):
+            return (x - w - dt * v - dt**2 * (0.5 - beta) * a) / (beta * dt**2)  # noqa: B023
+
+        def left(x):
+            mean = (1 - alpha_m) * speeding(x) + alpha_m * a  # noqa: B023
+            return m * mean + (1 - alpha_f) * force(x) + alpha_f * here  # noqa: B023
+
+        far = w + 3 * way * (abs(dt * v) + dt**2 * abs(a))
+        if left(w) * left(far) > 0:  # it goes no further
+            found.append(w)
+            turn, before, way = w, here - spring * w, -way
+            continue
+        new = brentq(left, w, far, xtol=1e-15)
+        w, v, a = new, v + dt * ((1 - gamma) * a + gamma * speeding(new)), speeding(new)
+    return np.abs(found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stiff", [20, 80])
+def test_free_vibrations_decay_as_damping_says(stiff):
+    """In time, on a spring beside the rod; both differ by half the share of friction in the force."""
+    peak = PULL**2 / (2 * BOUND * STIFFNESS)
+    spring, m = stiff * PULL / peak, 0.5
+    solver, result, modes = rod(spring=spring)
+    found = solver.damping(result, modes, peak * np.linspace(0.7, 1.1, 9))
+    extremes = decay(m, spring, peak, 2, 1 / (800 * found.frequency[-1]))
+    ratio = np.log(extremes[:-2] / extremes[2:]) / (2 * np.pi)
+    between = np.sqrt(extremes[:-2] * extremes[2:])
+    assert found.amplitude[0] < between.min() and between.max() < found.amplitude[-1]
+    assert_allclose(ratio, np.interp(between, found.amplitude, found.damping), rtol=0.6 / stiff)
 
 
 def spheres(across, share):
@@ -175,6 +226,7 @@ def test_loops_are_closed_where_their_ends_meet():
     assert abs(found.masing[1] / found.energy[1] - 1) > 0.01  # pressures change in a cycle
 
 
+@pytest.mark.slow
 def test_small_amplitudes_are_those_of_the_mode():
     """A joint that sticks is linear: the frequency of the mode, and no damping; whatever the unit."""
     found = []
@@ -206,8 +258,8 @@ def test_what_is_glued_has_no_damping():
 def test_pictures():
     """Frequency, damping and loops, one more by Masing's rule."""
     pytest.importorskip("matplotlib")
-    solver, result, modes = rod()
-    found = solver.damping(result, modes, [pulled(PULL), pulled(2 * PULL)], steps=4)
+    solver, result, modes = rod(20)
+    found = solver.damping(result, modes, [pulled(PULL), pulled(2 * PULL)], steps=3)
     figure = sc.output.plot_damping(found, units={"length": "mm", "time": "s"})
     assert [ax.get_ylabel() for ax in figure.axes[:2]] == ["frequency [1/s]", "damping, of critical"]
     assert figure.axes[0].get_xlabel() == "amplitude [mm]"

@@ -284,6 +284,18 @@ def test_shapes_are_drawn_and_written(tmp_path):
         sc.plot_deformed(result, u=np.ones(3))
 
 
+@pytest.mark.parametrize("n", [1, 3, 40])
+def test_masses_that_move_nothing_are_refused(n):
+    """A mass of rank one, none at all, one at supports alone, and a negative one."""
+    plain = bar(0, 1, 4, D="left")
+    ones, held = np.ones(plain.n), np.zeros(plain.n)
+    held[plain.D] = 1.0
+    for mass in (np.outer(ones, ones), 0.0 * np.eye(plain.n), np.diag(held), -np.eye(plain.n)):
+        body = bar(0, 1, 4, D="left", mass=csr_matrix(mass))
+        with pytest.raises(sc.errors.InputError, match="singular on what is free to move"):
+            alone(body, n)
+
+
 def test_wrong_questions_are_refused():
     """Masses and numbers that are missing or make no sense."""
     solver, result = pressed()

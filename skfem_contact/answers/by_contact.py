@@ -17,7 +17,6 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.arguments import NamesAttributes, suggest
 from skfem_contact.conditions.contact import Contact, number_of
-from skfem_contact.conditions.interface import can_carry
 from skfem_contact.conditions.state import OPEN, SLIP
 from skfem_contact.errors import InputError
 
@@ -117,7 +116,7 @@ def values_of(answer: Answer) -> tuple[ContactValues, ...]:
 def _values(answer: Answer, i: int, part: slice) -> ContactValues:
     kin, state, contact = answer.kin, answer.local, answer.contacts[i]
     status = state.status[part]
-    status = np.where(_smooth(answer, i, part) & (status != OPEN), SLIP, status)
+    status = np.where(_smooth(answer, part) & (status != OPEN), SLIP, status)
     heir = kin.heir[part] - part.start
     own = heir == np.arange(len(heir))
     lost, before = answer.dissipation_by_contact[i], answer.dissipation_before[i]
@@ -142,7 +141,7 @@ def _values(answer: Answer, i: int, part: slice) -> ContactValues:
         wear_depth=state.wear[part][heir],
         worn_volume=float(state.worn[part].sum()),
         assess=partial(_estimate, answer),
-        slips=partial(_slip, answer, i, part),
+        slips=partial(_slip, answer, part),
     )
 
 
@@ -152,11 +151,9 @@ def _estimate(answer: Answer, values: ContactValues) -> ErrorEstimate:
     return estimate(answer, values)
 
 
-def _smooth(answer: Answer, i: int, part: slice) -> NDArray[np.bool_]:
+def _smooth(answer: Answer, part: slice) -> NDArray[np.bool_]:
     """Points without friction or glue: nothing tangential is solved for."""
-    contact = answer.contacts[i]
-    carries = can_carry(contact.friction, part.stop - part.start)
-    return ~carries & (not contact.tied and answer.kin.tangents > 0)
+    return ~answer.model.interface.slipping[part] & (answer.kin.tangents > 0)
 
 
 def _lost(answer: Answer, i: int, part: slice) -> NDArray[np.bool_]:
@@ -173,9 +170,9 @@ def _lost(answer: Answer, i: int, part: slice) -> NDArray[np.bool_]:
     return gone & beside
 
 
-def _slip(answer: Answer, i: int, part: slice) -> Array:
+def _slip(answer: Answer, part: slice) -> Array:
     kin, state, t = answer.kin, answer.local, answer.kin.tangents
-    slip, smooth = (state.slip - state.reference)[part], _smooth(answer, i, part)
+    slip, smooth = (state.slip - state.reference)[part], _smooth(answer, part)
     if smooth.any():
         rows = slice(part.start * t, part.stop * t)
         moved = (kin.B_t[rows] @ answer.u).reshape(-1, t) + answer.seen.slip0[part]

@@ -170,9 +170,9 @@ def gradient(
     loads = any(p.kind in LOADS for p in by)
     found: list[list[Any]] = [[] for _ in by]
     after: Carried | None = None
+    of = weights_of([tangent.answer for tangent in tangents], given)
     with single_threaded():
-        for tangent, own in zip(reversed(tangents), reversed(given), strict=True):
-            weights = weights_of(tangent.answer, own)
+        for tangent, weights in zip(reversed(tangents), reversed(of), strict=True):
             if np.count_nonzero(weights.lost):
                 check_lost(tangent)
             duals, after = backward(tangent, weights, after, loads)

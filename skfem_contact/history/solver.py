@@ -653,8 +653,10 @@ class ContactSolver(Variants):
             How many, the lowest first.
         slipping : {"stuck", "free", "steady"}
             Points that slip in the result stick in a small vibration, as a rule. "free": they move
-            along the surface without resistance; "steady": they slide on, by more than they vibrate,
-            and their friction follows the pressure. Then modes may grow, as where brakes squeal.
+            along the surface without resistance, and points that stick in the result stick: for
+            joints without any friction solve with a contact that has none. "steady": they slide on, by
+            more than they vibrate, and their friction follows the pressure. Then modes may grow, as
+            where brakes squeal.
 
         Returns
         -------
@@ -663,7 +665,7 @@ class ContactSolver(Variants):
         Raises
         ------
         InputError
-            No convergence, no mass, or more modes than DOFs.
+            No convergence, no mass or a singular one, or more modes than DOFs.
 
         Examples
         --------

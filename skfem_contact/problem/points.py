@@ -46,6 +46,8 @@ class HeldRows:
         Rows whose friction follows the normal force, on which row that is, and how much of it.
     gives : bool
         Whether any point has a spring.
+    bare : ndarray of bool, shape (m, d-1), or None
+        Tangents along which there is only the law, as they have no row; None where all have one.
     """
 
     def __init__(self, space: PointSpace, conditions: Conditions) -> None:
@@ -66,6 +68,7 @@ class HeldRows:
         self.pressing = space.normal_rows[np.nonzero(follows)[0]]
         self.share = conditions.coupling[follows]
         self.gives = conditions.gives
+        self.bare = None if has_slip.all() else self.rubs[:, None] & ~has_slip
 
 
 class Unknowns(NamedTuple):
@@ -168,17 +171,17 @@ class PointSpace:
             As of `unknowns`.
         """
         rows = self._held(conditions, key)
-        has_row, q = self.tangential_rows >= 0, len(self.S)
-        slip, normal_force, tangential = of.slip, of.normal_force, of.tangential_force
-        by_law, way = np.where(rows.rubs[:, None] & ~has_row, tangential, 0.0), 0.0
-        if np.count_nonzero(by_law):  # along tangents without a row there is only the law
+        q, slip, normal_force, tangential = len(self.S), of.slip, of.normal_force, of.tangential_force
+        by_law: Array | float = 0.0
+        way: Array | float = 0.0
+        if rows.bare is not None:
+            by_law = np.where(rows.bare, tangential, 0.0)
             way = np.einsum("ikl,ik->il", conditions.spring, by_law)
             normal_force = normal_force + np.sum(conditions.coupling * by_law, axis=1)
-        slip, anchor, offset = slip + way, -way, by_law
+        slip = slip + way
         gap0 = np.where(rows.closed, 0.0, of.gap)
-        slip0 = slip.copy()
         # each point has rows of its own; those of -1, which there are not, go to the end
-        z, p = np.append(of.solution, 0.0), np.zeros(q)
+        z, p = np.concatenate((of.solution, NO_ROW)), np.zeros(q)
         z[self.normal_rows] += gap0
         z[self.tangential_rows] += slip
         p[rows.gaps] = normal_force[rows.closed]
@@ -190,7 +193,8 @@ class PointSpace:
             self._factor = self._factorize(conditions, rows)
         r = np.zeros(q)
         r[rows.free] = self._factor.solve(z[rows.free], transposed=True)
-        np.add.at(r, rows.pressing, rows.share * r[rows.rubbing])
+        if len(rows.rubbing):
+            np.add.at(r, rows.pressing, rows.share * r[rows.rubbing])
         base = z - self.S.dot(r)
         gap0[rows.closed] = -base[rows.gaps]
         held = np.zeros(slip.shape)  # of what moves with anchors: slips of sticking points, and springs
@@ -201,7 +205,7 @@ class PointSpace:
             held[rows.slides] = base[rows.sliding]
             given = np.einsum("ikl,ik->il", conditions.spring, known)
             held -= np.where(rows.slides, 0.0, given)
-        return Duals(r - p, own - base, gap0, slip0 - held, anchor + held, offset + known)
+        return Duals(r - p, own - base, gap0, slip - held, held - way, by_law + known)
 
     def _held(self, conditions: Conditions, key: object) -> HeldRows:
         """The rows that conditions hold; of the last ones, if their matrix is the same."""

@@ -291,7 +291,7 @@ class Zone:
         if len(forces) > q:
             anchors = self._rigid.solve(forces[q:])
             by_z = -self._A_zq @ anchors
-        p = np.append(forces[:q], NO_ROW)
+        p = np.concatenate((forces[:q], NO_ROW))
         normal_force = of.normal_force + p[self._normal]
         friction = of.tangential_force - p[self._tangential]
         found = self.space.adjoint(

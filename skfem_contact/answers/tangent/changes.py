@@ -31,7 +31,8 @@ Array = NDArray[np.float64]
 #: What changes loads of bodies, so that derivatives by these are needed inside; then what does not.
 LOADS = "stiffness", "load", "displacement", "scene"
 BOLTS = "bolt_force", "bolt_stretch"
-KINDS = "friction", *LOADS, "interference", "gap", "motion", *BOLTS
+GAPS = "interference", "gap"
+KINDS = "friction", *LOADS, *GAPS, "motion", *BOLTS
 
 
 @dataclass(eq=False)
@@ -64,10 +65,10 @@ class Change:
     shape: dict[str, Array] = field(default_factory=dict)
 
     @classmethod
-    def none(cls, answer: Answer) -> Change:
-        """No change."""
+    def none(cls, answer: Answer, loads: bool = True) -> Change:
+        """No change; without `loads` f and x are empty."""
         m, t = answer.local.slip.shape
-        n, still = answer.system.n, np.zeros((m, t))
+        n, still = answer.system.n if loads else 0, np.zeros((m, t))
         bolts = np.zeros((2, len(answer.bolt_names)))
         return cls(np.zeros(n), np.zeros(n), np.zeros(m), still, still.copy(), np.zeros(m), *bolts)
 
@@ -76,6 +77,10 @@ class Change:
         """The changes of loads, of the contact, of its friction, and of bolts."""
         contact = self.gap0, self.slip0, self.friction, self.bound
         return self.f, self.x, *contact, self.drive, self.tension
+
+    def dot(self, by: Change) -> float:
+        """What it makes of a number that has these derivatives, but for `shape`."""
+        return sum(float(np.vdot(a, b)) for a, b in zip(self.parts, by.parts, strict=True) if b.size)
 
     @property
     def case(self) -> LoadCase:
@@ -176,50 +181,77 @@ def parameter(given: Any) -> Parameter:
 
 def change(by: Parameter, tangent: Tangent) -> Change:
     """Return what a number changes of the load step of an answer."""
-    answer = tangent.answer
-    kin, out = answer.kin, Change.none(answer)
-    along = 1.0 if by.along is None else by.along
+    answer, out = tangent.answer, Change.none(tangent.answer)
     if by.kind == "scene":
         return _between(by, tangent)
     if by.kind in BOLTS:
         if bolts := tangent.bolts:
             named = bolts.given if by.kind == "bolt_force" else ~bolts.given & ~bolts.kept
-            size = np.where(bolts.given, bolts.k, 1.0)
-            out.drive = np.where(named & _bolts(by, answer), along, 0.0) / size
+            along = np.where(named & _bolts(by, answer), 1.0 if by.along is None else by.along, 0.0)
+            out.drive = along / np.where(bolts.given, bolts.k, 1.0)
         return out
-    if by.kind in ("stiffness", "load", "displacement"):
-        for i, span in _bodies(by, answer):
-            if by.kind == "stiffness":
-                out.f[span] = -_borne(by, tangent, i)
-                continue
-            case, own = answer.case, out.f if by.kind == "load" else out.x
-            values = (case.applied if by.kind == "load" else case.x)[span]
-            if by.along is not None:
-                values = _field(by, along, len(values)) * _factor(by, answer, i)
-            own[span] = values
-        D, x = answer.system.D, out.x
-        out.x = np.zeros(len(x))
-        out.x[D] = x[D]
+    for i, at in _places(by, answer):
         if by.kind == "stiffness":
-            out.drive, out.tension = _pulled(tangent, -out.f)
-        return out
-    given = np.zeros(kin.m)
-    for i, part in _contacts(by, answer):
-        paired = kin.paired[part]
-        if by.kind == "motion":
-            v = numbers(along, f"{by!r}: along", "give the components of a translation")
-            if v.shape != kin.points.shape[1:]:
-                raise InputError(f"{by!r}: along has shape {v.shape}, not {kin.points.shape[1:]}")
-            out.gap0[part] = np.where(paired, -(kin.normal[part] @ v), 0.0)
-            out.slip0[part] = np.where(paired[:, None], -(kin.axes[part] @ v), 0.0)
-        elif by.kind == "friction":
-            steep = by_coefficient(tangent, i, part)
-            out.bound[part] = steep * _field(by, along, len(steep))
-        else:
-            given[part] = _field(by, along, len(paired)) * (1.0 if by.kind == "gap" else -1.0)
-    out.gap0 += np.where(kin.paired, kin.of_rows(given), 0.0)
-    out.friction = tangent.direction * np.where(tangent.slips, out.bound, 0.0)[:, None]
+            out.f[at] = -_borne(by, tangent, i)
+            continue
+        own = {"load": answer.case.applied, "displacement": answer.case.x}.get(by.kind)
+        for name, factor in _factors(by, tangent, i, at):
+            count = factor.shape[-1]
+            if by.along is None:
+                values = np.ones(count) if own is None else own[at]
+            else:
+                values = _field(by, by.along, count)
+            getattr(out, name)[at] = factor @ values if by.kind == "motion" else (factor * values).T
+    if by.kind == "stiffness":
+        out.drive, out.tension = _pulled(tangent, -out.f)
+    elif by.kind in GAPS:
+        out.gap0 = np.where(answer.kin.paired, answer.kin.of_rows(out.gap0), 0.0)
+    D, x = answer.system.D, out.x
+    out.x = np.zeros(len(x))
+    out.x[D] = x[D]
     return out
+
+
+def contracted(by: Parameter, tangent: Tangent, duals: Change, weights: Any) -> Any:
+    """Derivative of a number by a parameter in one step: a number, or the array of a field.
+
+    From its derivatives by all changes of the step: `change` transposed.
+    """
+    if not by.field:
+        found = change(by, tangent)
+        return found.dot(duals) + weights.at(found.shape)
+    kin, places = tangent.answer.kin, _places(by, tangent.answer)
+    if len(places) != 1:
+        raise InputError(f"{by!r}: a field is of one body or contact; name it, of=...")
+    [(i, at)], total = places, 0.0
+    for name, factor in _factors(by, tangent, i, at):
+        dual, count = getattr(duals, name), factor.shape[-1]
+        if by.kind in GAPS:
+            dual = np.where(kin.paired, dual, 0.0)
+            dual = dual if kin.gap_weights is None else kin.gap_weights.T @ dual
+        dual = dual[at]
+        each = dual[..., None] * factor if by.kind == "motion" else dual.T * factor
+        total = total + each.reshape(-1, count).sum(axis=0)
+    return total
+
+
+def _factors(by: Parameter, tangent: Tangent, i: int, at: slice) -> list[tuple[str, Array]]:
+    """What a parameter changes of its body or contact, over its values there, (..., count).
+
+    Each with its name; of every point or DOF by the value there, of a motion by all its components.
+    """
+    answer, kin = tangent.answer, tangent.answer.kin
+    if by.kind in LOADS:
+        share = 1.0 if by.along is None and not by.field else _factor(by, answer, i)
+        return [("f" if by.kind == "load" else "x", np.full(at.stop - at.start, share))]
+    if by.kind == "friction":
+        steep = by_coefficient(tangent, i, at)
+        return [("bound", steep), ("friction", tangent.direction[at].T * steep)]
+    if by.kind == "motion":
+        paired = kin.paired[at, None]
+        axes = np.where(paired[..., None], -kin.axes[at], 0.0)
+        return [("gap0", np.where(paired, -kin.normal[at], 0.0)), ("slip0", axes)]
+    return [("gap0", np.full(at.stop - at.start, 1.0 if by.kind == "gap" else -1.0))]
 
 
 def by_coefficient(tangent: Tangent, i: int, part: slice) -> Array:
@@ -308,8 +340,10 @@ def _case_there(solver: Any, answer: Answer) -> LoadCase:
 # -- whose ----------------------------------------------------------------------------------------
 
 
-def _bodies(by: Parameter, answer: Answer) -> list[tuple[int, slice]]:
-    """Bodies of a parameter, with their DOFs."""
+def _places(by: Parameter, answer: Answer) -> list[tuple[int, slice]]:
+    """Bodies of a parameter with their DOFs, or contacts with their points."""
+    if by.kind not in LOADS:
+        return _contacts(by, answer)
     system = answer.system
     if isinstance(by.of, Contact):
         raise InputError(f"{by!r}: of is a contact; name a body")
@@ -332,12 +366,6 @@ def _contacts(by: Parameter, answer: Answer) -> list[tuple[int, slice]]:
     if not some and by.of is not None:
         raise InputError(f"{by!r}: there is no such contact; there are {', '.join(map(repr, names))}.")
     return [(i, answer.model.interface.point_slices[i]) for i in some]
-
-
-def _only(found: list[tuple[int, slice]], by: Parameter) -> tuple[int, slice]:
-    if len(found) != 1:
-        raise InputError(f"{by!r}: a field is of one body or contact; name it, of=...")
-    return found[0]
 
 
 def _bolts(by: Parameter, answer: Answer) -> NDArray[np.bool_]:
@@ -384,33 +412,6 @@ def _factor(by: Parameter, answer: Answer, i: int) -> Any:
 
 def _field(by: Parameter, given: ArrayLike, count: int) -> Array:
     values = numbers(given, f"{by!r}: along", "give a number, or one for each point or DOF")
-    if values.shape not in ((), (count,)):
-        raise InputError(
-            f"{by!r}: along has shape {values.shape}, not ({count},): one for each of them"
-        )
+    if values.shape != (count,) and (values.shape or by.kind == "motion"):
+        raise InputError(f"{by!r}: along has shape {values.shape}, not ({count},)")
     return np.broadcast_to(values, count).astype(float)
-
-
-# -- backwards, from the derivatives of a number by all changes of a step --------------------------
-
-
-def contracted(by: Parameter, tangent: Tangent, duals: Change, weights: Any) -> Any:
-    """Derivative of a number by a parameter in one step: a number, or the array of a field."""
-    answer, kin = tangent.answer, tangent.answer.kin
-    if not by.field:
-        found = change(by, tangent)
-        pairs = zip(found.parts, duals.parts, strict=True)
-        return sum((float(np.vdot(a, b)) for a, b in pairs), weights.at(found.shape))
-    if by.kind in ("load", "displacement"):
-        i, span = _only(_bodies(by, answer), by)
-        return (duals.f if by.kind == "load" else duals.x)[span] * _factor(by, answer, i)
-    i, part = _only(_contacts(by, answer), by)
-    if by.kind == "friction":
-        along = np.sum(duals.friction * tangent.direction, axis=1) + duals.bound
-        return by_coefficient(tangent, i, part) * along[part]
-    gap0 = np.where(kin.paired, duals.gap0, 0.0)
-    if by.kind == "motion":
-        slip0 = np.where(kin.paired[:, None], duals.slip0, 0.0)[part]
-        return -(kin.normal[part].T @ gap0[part] + np.einsum("ik,ikd->d", slip0, kin.axes[part]))
-    given = gap0 if kin.gap_weights is None else kin.gap_weights.T @ gap0
-    return given[part] * (1.0 if by.kind == "gap" else -1.0)

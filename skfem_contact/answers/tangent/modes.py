@@ -24,16 +24,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eig
 from scipy.sparse import block_diag, csc_matrix, csr_matrix
-from scipy.sparse.linalg import LinearOperator, eigs, eigsh
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.tangent.tangent import Tangent, held_rows
+from skfem_contact.answers.tangent.tangent import Tangent, held_rows, left_free
 from skfem_contact.arguments import shown
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import SOLVED
 from skfem_contact.elimination.constraint import AffineConstraint
-from skfem_contact.elimination.transformation import eliminate
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.resources import single_threaded
@@ -41,6 +40,10 @@ from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 SLIPPING = "stuck", "free", "steady"
+MASSLESS = (
+    "modes were not found: the mass matrix is singular on what is free to move, or not positive. "
+    "Give mass to all of the bodies, Body(..., mass=density), or ask for fewer modes."
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -113,14 +116,21 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
         raise InputError(f"n = {n} modes of {count} DOFs that are free to move")
     K_r, M_r = test.T.T @ K @ trial.T, test.T.T @ M @ trial.T
     inertia, resisted = trial.T.T @ M @ trial.T, trial.T.T @ K @ trial.T
-    shift = float(resisted.diagonal().sum() / inertia.diagonal().sum()) / count
-    with single_threaded():
-        if n > count - 2:  # beyond what ARPACK finds
-            squares, found = eig(K_r.toarray(), M_r.toarray())
-        elif test is trial:
-            squares, found = _symmetric(K_r, M_r, shift, n, system, trial)
-        else:
-            squares, found = _unsymmetric(K_r, M_r, shift, n)
+    heavy = inertia.diagonal().sum()
+    if not heavy > 0:
+        raise InputError(MASSLESS)
+    shift = float(resisted.diagonal().sum() / heavy) / count
+    try:
+        with single_threaded():
+            if n > count - 2:  # beyond what ARPACK finds
+                squares, found = eig(K_r.toarray(), M_r.toarray())
+            elif test is trial:
+                squares, found = _symmetric(K_r, M_r, shift, n, system, trial)
+            else:
+                squares, found = _unsymmetric(K_r, M_r, shift, n)
+        _check(K_r, M_r, squares, found, shift)
+    except ArpackError as error:
+        raise InputError(f"{MASSLESS} ({error})") from None
     # rigid motions are found to round-off of the shift
     squares = np.where(np.abs(squares) <= SOLVED * shift, 0.0, squares)
     turns, least = np.sqrt(-squares.astype(complex)), SOLVED * np.sqrt(shift)  # as exp(turns t)
@@ -129,6 +139,21 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
     whole, turns = np.asarray(trial.T @ found[:, order]).T, turns[order]
     growth = np.where(np.abs(turns.real) > least, turns.real, 0.0)
     return Modes(np.abs(turns.imag) / (2 * np.pi), growth, _sized(whole, M, system), slipping, system)
+
+
+def _check(K: csr_matrix, M: csr_matrix, squares: Array, found: Array, shift: float) -> None:
+    """Refuse what a singular mass makes of modes: vectors that solve nothing.
+
+    Raises
+    ------
+    InputError
+    """
+    resisted, moved = (np.einsum("ij,ij->j", found.conj(), A @ found) for A in (K, M))
+    with np.errstate(invalid="ignore"):
+        left = np.abs(resisted - squares * moved)
+        good = left <= SOLVED * (np.abs(resisted) + shift * np.abs(moved))
+    if not np.all(good & (moved.real > 0)):
+        raise InputError(MASSLESS)
 
 
 def mass(system: System) -> csr_matrix:
@@ -152,13 +177,11 @@ def _constraints(answer: Answer, slipping: str) -> tuple[AffineConstraint, Affin
     stick = closed & (interface.frictional | interface.tied)
     if slipping != "stuck":
         stick &= local.status == STICK
-    rows = held_rows(answer.kin, closed, stick)
-    trial = eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n))
+    trial = left_free(held_rows(answer.kin, closed, stick), system)
     slope = Tangent(answer).slope if slipping == "steady" else np.zeros(0)
     if not np.any(slope):
         return trial, trial
-    rows = held_rows(answer.kin, closed, stick, slope)
-    return trial, eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n))
+    return trial, left_free(held_rows(answer.kin, closed, stick, slope), system)
 
 
 def _symmetric(

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from skfem_contact.answers.tangent.tangent import Tangent
 from skfem_contact.arrays import lengths
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.problem.points import Duals
 from skfem_contact.problem.response import Load, Response
 from skfem_contact.records import dataclass
 
@@ -38,7 +40,7 @@ class Weights:
     ----------
     points : dict of ndarray, shape (m, width)
         By gaps, normal forces, slips since points closed, friction that resists, areas, normals, and
-        axes of the tangential components, one after the other.
+        axes of the tangential components, one after the other; what it does not depend on is not there.
     u : ndarray, shape (n,), or None
     lost : ndarray, shape (c,)
         By the energy that friction takes at each contact in the step.
@@ -55,16 +57,18 @@ class Weights:
     @classmethod
     def none(cls, answer: Answer) -> Weights:
         """Those of a number that does not depend on it."""
-        (m, t), d = answer.local.slip.shape, answer.kin.normal.shape[1]
-        widths = {"gap": 1, "normal_force": 1, "slip": t, "friction": t, "area": 1}
-        widths |= {"normal": d, "axes": t * d}
-        points = {name: np.zeros((m, width)) for name, width in widths.items()}
         bolts = np.zeros((2, len(answer.bolt_names)))
-        return cls(points, None, np.zeros(len(answer.contacts)), *bolts)
+        return cls({}, None, np.zeros(len(answer.contacts)), *bolts)
+
+    def by(self, name: str) -> Any:
+        """By one block of numbers, zero where it is not there."""
+        return self.points.get(name, 0.0)
 
     def at(self, points: dict[str, Array]) -> float:
         """Return what changes of these blocks of numbers make of the number."""
-        return sum(float(np.vdot(self.points[name], rates)) for name, rates in points.items())
+        return sum(
+            float(np.vdot(by, points[name])) for name, by in self.points.items() if name in points
+        )
 
 
 @dataclass(eq=False)
@@ -205,61 +209,65 @@ def backward(
     loads : bool
         Whether derivatives by loads and displacements are wanted, for which the interior is recovered.
     """
-    answer, problem, closed, by = tangent.answer, tangent.problem, tangent.closed, weights.points
-    after = after or Carried.none(answer)
-    back, given = Carried.none(answer), Change.none(answer)
+    answer, problem, bolts, by = tangent.answer, tangent.problem, tangent.bolts, weights.by
+    after, closed = after or Carried.none(answer), tangent.closed
     slip, friction, bound = (
-        by["slip"] + after.slip,
-        by["friction"] + after.tangential_force,
+        by("slip") + after.slip,
+        by("friction") + after.tangential_force,
         after.bound,
     )
-    along = back.slip
+    normal_force, by_bound = np.ravel(by("normal_force")), np.zeros(len(closed))
+    along: Array | float = 0.0
+    by_friction: Array | float = 0.0
     if np.count_nonzero(weights.lost):
         way, along, G = _lost(tangent)
-        slices = answer.model.interface.point_slices
-        share = np.concatenate(
-            [np.full(p.stop - p.start, w) for p, w in zip(slices, weights.lost, strict=True)]
-        )
-        along, back.bound = along * share[:, None], 0.5 * share * way
-        back.tangential_force = along / G
-        slip, friction, bound = slip + along, friction - along / G, bound + back.bound
-    reference = after.reference - by["slip"]
+        sizes = [part.stop - part.start for part in answer.model.interface.point_slices]
+        share = np.repeat(weights.lost, sizes)
+        along, by_bound = along * share[:, None], 0.5 * share * way
+        by_friction = along / G
+        slip, friction, bound = slip + along, friction - by_friction, bound + by_bound
+    reference = after.reference - by("slip")
     slip = slip + np.where(closed[:, None], 0.0, reference)
-    normal_force = by["normal_force"][:, 0] + tangent.bound_slope * bound
-    forces, pulled, u, bolts = np.zeros(len(problem.compliance.W)), None, weights.u, tangent.bolts
+    if np.count_nonzero(bound):
+        normal_force = normal_force + tangent.bound_slope * bound
+    forces, pulled, u = np.zeros(len(problem.compliance.W)), None, weights.u
     if bolts:
         stretch = weights.stretch + after.shift + bolts.k * weights.tension
         pull = weights.tension - np.where(bolts.given, stretch / bolts.k, 0.0)
         u = bolts.P.T @ pull + (0.0 if u is None else u)
+    out = Change.none(answer, loads or u is not None)
     if u is not None:
-        given.f[:] = u
-        given.f[answer.system.D] = 0.0
-        pulled = problem.other_load(given.case)
+        out.f[:] = u
+        out.f[answer.system.D] = 0.0
+        pulled = problem.other_load(out.case)
         forces = np.asarray(pulled.moved)
     zone, key = tangent.zone
-    of = Response(by["gap"][:, 0], slip, normal_force, friction, forces)
+    of = Response(np.ravel(by("gap")), slip, normal_force, friction, forces)
     found = zone.adjoint(tangent.conditions, of, key)
-    by_map, by_trial, by_slip = tangent.friction_by(found.offset)
-    back.slip = found.anchor - along + by_slip
-    back.reference = np.where(closed[:, None], reference, 0.0) - by_slip
-    back.tangential_force = back.tangential_force + by_trial
-    bound = np.where(closed, bound, 0.0)
-    out = replace(given, f=given.x, gap0=found.gap0, slip0=found.slip0, friction=by_map, bound=bound)
+    out.friction, by_trial, by_slip = tangent.friction_by(found.offset)
+    back = Carried(
+        found.anchor - along + by_slip,
+        by_friction + by_trial,
+        np.where(closed[:, None], reference, 0.0) - by_slip,
+        by_bound,
+        np.zeros(len(weights.tension)),
+    )
     if loads or bolts:
         force = problem.G.T @ found.moved + (0.0 if pulled is None else pulled.prescribed)
-        out.f = tangent.recovered(force, given.case)
-        out.x = _by_supports(tangent, out, u)
+        out.f = tangent.recovered(force, out.case)
+        out.x = _by_supports(tangent, out.f, found, u)
+    out.gap0, out.slip0, out.bound = found.gap0, found.slip0, np.where(closed, bound, 0.0)
     if bolts:
         out.drive, out.tension = stretch - bolts.P @ out.f, weights.tension
         back.shift = np.where(bolts.kept, out.drive, 0.0)
     return out, back
 
 
-def _by_supports(tangent: Tangent, found: Change, u: Array | None) -> Array:
+def _by_supports(tangent: Tangent, f: Array, found: Duals, u: Array | None) -> Array:
     """Derivatives of a number by prescribed displacements (n,), from those by all else."""
     answer, kin = tangent.answer, tangent.answer.kin
     system, x = answer.system, np.zeros(answer.system.n)
-    borne = [K @ found.f[system.slice(b)] for K, b in zip(answer.stiffness, system.bodies, strict=True)]
+    borne = [K @ f[system.slice(b)] for K, b in zip(answer.stiffness, system.bodies, strict=True)]
     whole = kin.B_n.T @ np.where(kin.paired, found.gap0, 0.0) - np.concatenate(borne)
     if found.slip0.size and tangent.problem.slips:
         whole = whole + kin.B_t.T @ found.slip0.ravel()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -103,9 +103,10 @@ class Sensitivity:
             Its name; not needed where there is one.
         """
         answer, rates = self._rates.answer, self._rates.points
-        terms = _terms(answer, quantity, *_which(answer, contact, quantity))
         parts = [
-            np.einsum("iw,iwo->io", rates[name][at], by) for name, at, by in terms if name in rates
+            np.einsum("iw,siwo->io", rates[name][at], by)
+            for name, at, by in _terms([answer], quantity, _which(answer, contact, quantity))
+            if name in rates
         ]
         found = self._sign * sum(parts)
         if quantity == "force":
@@ -121,7 +122,7 @@ class Sensitivity:
 
     def dot(self, weights: Mapping[str, Any]) -> float:
         """Derivative of a function of the result, given as for `ContactSolver.gradient`."""
-        return self._sign * self._rates.dot(weights_of(self._rates.answer, weights))
+        return self._sign * self._rates.dot(weights_of([self._rates.answer], [weights])[0])
 
 
 def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int) -> Sensitivity:
@@ -144,46 +145,46 @@ def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int)
 # -- quantities -----------------------------------------------------------------------------------
 
 
-def _which(answer: Answer, contact: Any, what: str) -> tuple[int, slice]:
+def _which(answer: Answer, contact: Any, what: str) -> int:
     if what not in AT_CONTACT:
         raise InputError(f"{what!r} is none of {', '.join(AT_CONTACT)}")
     if contact is None and len(answer.names) != 1:
         raise InputError(f"{what}: there are several contacts; name one of {', '.join(answer.names)}")
     if contact is not None and contact not in answer.names:
         raise InputError(f"there is no contact {shown(contact)}, only {', '.join(answer.names)}")
-    i = 0 if contact is None else answer.names.index(contact)
-    return i, answer.model.interface.point_slices[i]
+    return 0 if contact is None else answer.names.index(contact)
 
 
-def _terms(answer: Answer, what: str, i: int, part: slice) -> list[tuple[str, Index, Array]]:
+def _terms(answers: Sequence[Answer], what: str, i: int) -> list[tuple[str, Index, Array]]:
     """A quantity of a contact as a linear map of the blocks of `Weights.points`, to be summed.
 
-    Each with its name, its points (k,), and what a number of these makes of the quantity, (k, width,
-    o); of a resultant force at each point its share.
+    Of s results of one pairing at once. Each term has its name, its points (k,), and what a number of
+    these makes of the quantity, (s or 1, k or 1, width, o); of a resultant at each point its share.
     """
-    kin, local = answer.kin, answer.local
-    heir, own, one = kin.heir[part], np.arange(part.start, part.stop), np.ones((1, 1, 1))
+    kin, part = answers[0].kin, answers[0].model.interface.point_slices[i]
+    heir, own, one = kin.heir[part], np.arange(part.start, part.stop), np.ones((1, 1, 1, 1))
     if what == "gap":
         return [("gap", heir, one)]
     if what == "normal_force":
         return [("normal_force", own, one)]
+    if what == "slip":
+        _check_slip(answers[0], i)
+        return [("slip", heir, _along_tangents(kin, kin.duals, heir)[None])]
+    if what == "tangential_force":
+        return [("friction", own, -_along_tangents(kin, kin.axes, own)[None])]
+    normal_force = np.array([answer.local.normal_force for answer in answers])[..., None, None]
     if what == "pressure":
         area = kin.area[heir]
         per = np.divide(1.0, area, out=np.zeros(len(area)), where=area > 0)[:, None, None]
-        by_area = -(per**2) * local.normal_force[heir, None, None]
-        return [("normal_force", heir, per), ("area", heir, by_area)]
-    if what == "slip":
-        _check_slip(answer, i)
-        return [("slip", heir, _along_tangents(kin, kin.duals, heir))]
-    if what == "tangential_force":
-        return [("friction", own, -_along_tangents(kin, kin.axes, own))]
+        return [("normal_force", heir, per[None]), ("area", heir, -(per**2) * normal_force[:, heir])]
     normal, axes, unit = kin.normal[part, None], kin.axes[part], np.eye(kin.normal.shape[1])
-    by_axes = -np.einsum("ik,de->ikde", local.tangential_force[part], unit)
+    friction = np.array([answer.local.tangential_force[part] for answer in answers])
+    by_axes = -np.einsum("sik,de->sikde", friction, unit)
     return [  # force = sum of lambda n - tau . axes
-        ("normal_force", own, normal),
-        ("friction", own, -axes),
-        ("normal", own, local.normal_force[part, None, None] * unit),
-        ("axes", own, by_axes.reshape(len(own), -1, len(unit))),
+        ("normal_force", own, normal[None]),
+        ("friction", own, -axes[None]),
+        ("normal", own, normal_force[:, own] * unit),
+        ("axes", own, by_axes.reshape(len(answers), len(own), -1, len(unit))),
     ]
 
 
@@ -202,38 +203,48 @@ def _check_slip(answer: Answer, i: int) -> None:
         )
 
 
-def weights_of(answer: Answer, given: Any) -> Weights:
-    """A user's derivatives of a function of one result: by quantity, or by contact and quantity.
+def weights_of(answers: Sequence[Answer], given: Sequence[Any]) -> list[Weights]:
+    """A user's derivatives of a function of results: by quantity, or by contact and quantity.
 
     Raises
     ------
     InputError
     """
-    out = Weights.none(answer)
-    if given is None:
-        return out
+    found = [Weights.none(answer) for answer in answers]
+    asked: dict[tuple[int, int, str], list[tuple[Answer, Weights, Any]]] = {}
+    for answer, out, own in zip(answers, found, given, strict=True):
+        for contact, what, value in _named(answer, {} if own is None else own):
+            if what in ("u", "displacement"):
+                _by_displacement(answer, out, what, value)
+            elif what == "dissipation":
+                out.lost[slice(None) if contact is None else answer.names.index(contact)] += float(
+                    value
+                )
+            elif what == "bolts":
+                _by_bolts(answer, out, value)
+            else:
+                key = id(answer.kin), _which(answer, contact, what), what
+                asked.setdefault(key, []).append((answer, out, value))
+    for (_, i, what), some in asked.items():
+        _by_quantity(some, what, i)
+    return found
+
+
+def _named(answer: Answer, given: Any) -> Iterator[tuple[str | None, str, Any]]:
+    """Contacts, quantities and derivatives that a user gives of one result."""
     if not isinstance(given, Mapping):
         raise InputError(f"derivatives by a result are {shown(given)}; give a dict by quantity")
     for key, value in given.items():
-        if key in ("u", "displacement"):
-            _by_displacement(answer, out, key, value)
-        elif key == "dissipation":
-            out.lost += float(value)
-        elif key == "bolts":
-            _by_bolts(answer, out, value)
+        if key in (*AT_CONTACT, *AT_ALL):
+            yield None, key, value
         elif key in answer.names and isinstance(value, Mapping):
-            i = answer.names.index(key)
             for what, own in value.items():
-                if what == "dissipation":
-                    out.lost[i] += float(own)
-                else:
-                    _by_quantity(answer, out, what, own, *_which(answer, key, what))
-        elif key in AT_CONTACT:
-            _by_quantity(answer, out, key, value, *_which(answer, None, key))
+                if what != "dissipation":
+                    _which(answer, key, what)
+                yield key, what, own
         else:
             known = ", ".join((*AT_CONTACT, *AT_ALL, *answer.names))
             raise InputError(f"derivatives by a result name {key!r}; they may name {known}")
-    return out
 
 
 def _by_bolts(answer: Answer, out: Weights, given: Any) -> None:
@@ -261,18 +272,23 @@ def _by_displacement(answer: Answer, out: Weights, key: str, value: Any) -> None
         )
 
 
-def _by_quantity(answer: Answer, out: Weights, what: str, value: Any, i: int, part: slice) -> None:
-    m, t, d = part.stop - part.start, answer.kin.tangents, answer.kin.normal.shape[1]
+def _by_quantity(given: list[tuple[Answer, Weights, Any]], what: str, i: int) -> None:
+    """Derivatives by one quantity of results that have the same pairing, all at once."""
+    answers, found, values = zip(*given, strict=True)
+    kin, part = answers[0].kin, answers[0].model.interface.point_slices[i]
+    m, t, d = part.stop - part.start, kin.tangents, kin.normal.shape[1]
     shape = {"slip": (m, t), "tangential_force": (m, t), "force": (d,)}.get(what, (m,))
-    w = _shaped(value, shape, what)
-    if what == "force":
-        w = np.broadcast_to(w, (m, d))
-    for name, at, by in _terms(answer, what, i, part):
-        np.add.at(out.points[name], at, np.einsum("io,iwo->iw", w.reshape(m, -1), by))
+    w = np.array([_shaped(value, shape, what) for value in values])
+    w = np.broadcast_to(w[:, None], (len(w), m, d)) if what == "force" else w.reshape(len(w), m, -1)
+    for name, at, by in _terms(answers, what, i):
+        blocks = np.zeros((len(w), kin.m, by.shape[2]))
+        np.add.at(blocks.swapaxes(0, 1), at, np.einsum("sio,siwo->isw", w, by))
+        for out, block in zip(found, blocks, strict=True):
+            out.points[name] = out.by(name) + block
 
 
 def _shaped(value: Any, shape: tuple[int, ...], what: str) -> Array:
-    found = numbers(value, f"the derivative by {what}", f"give an array of shape {shape}")
+    found = numbers(value, f"the derivative by {what}", f"give an array of shape {shape}", copy=False)
     if found.shape != shape:
         raise InputError(f"the derivative by {what} has shape {found.shape}, not {shape}")
     return found

@@ -30,8 +30,7 @@ from skfem_contact.answers.tangent.changes import Change
 from skfem_contact.answers.tangent.rates import Carried, Rates, Way, forward
 from skfem_contact.answers.tangent.tangent import Tangent
 from skfem_contact.answers.thresholds import MOST_CHANGES
-from skfem_contact.arrays import largest, lengths
-from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.arrays import largest, lengths, unit_vectors
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.linalg.resources import single_threaded
@@ -78,8 +77,8 @@ class Verge:
         self.slope = tangent.rule.slope(force, tangent.local.slip)[at]
         self.bound = change.bound[at]
         slid = tangent.slid[at] & self.rubs
-        way = np.where(slid[:, None], tangent.answer.plastic_slip[at], tangent.toward[at])
-        self.direction = way / np.where(way.any(axis=1), lengths(way), 1.0)[:, None]
+        way = unit_vectors(tangent.answer.plastic_slip[at])
+        self.direction = np.where(slid[:, None], way, tangent.toward[at])
         self.open = self.touches & ~tangent.closed[at]
         self.slips = slid.copy()
         self.decides = self.rubs & ~slid  # whether it sticks
@@ -93,15 +92,13 @@ class Verge:
     def _factorise(self, base: Response) -> None:
         """The forces of the points from what they do, ``p0 + S v``."""
         held, k = self.held, len(self.at)
-        still, none, n = held.conditions, np.zeros(len(held.closed)), held.answer.system.n
-        t = still.anchor.shape[1]
-        case = LoadCase(np.zeros(n), np.zeros(n), none, still.anchor, none, ())
+        still, t = held.conditions, held.local.slip.shape[1]
         S = np.zeros((k, 1 + t, k, 1 + t))
         moves = np.column_stack([self.touches, *[self.rubs] * t])
         with single_threaded():
-            load, (zone, key) = held.problem.other_load(case), held.zone
+            load, (zone, key) = held.problem.other_load(Change.none(held.answer).case), held.zone
             for i, c in zip(*np.nonzero(moves), strict=True):
-                unit = np.zeros((len(none), 1 + t))
+                unit = np.zeros((len(held.closed), 1 + t))
                 unit[self.at[i], c] = 1.0
                 load.gap0 = -unit[:, 0]
                 response = zone.solve(replace(still, anchor=unit[:, 1:]), load, key)

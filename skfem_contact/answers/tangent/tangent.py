@@ -33,7 +33,8 @@ from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.arguments import numbers
-from skfem_contact.arrays import largest, lengths
+from skfem_contact.arrays import largest, lengths, unit_vectors
+from skfem_contact.bodies.system import System
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
@@ -41,6 +42,7 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import SOLVED
+from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.problem.response import Conditions, Source
@@ -170,32 +172,37 @@ class Tangent:
     @cached_property
     def direction(self) -> Array:
         """See the class."""
-        force, way = self.local.tangential_force, self.answer.plastic_slip
-        size = lengths(force)
+        along = self.local.tangential_force
+        size = lengths(along)
         # nearly without a bound friction has a direction all the same: that of the slip
-        tells = (size > SOLVED * largest(size)) | ~way.any(axis=1)
-        along = np.where(tells[:, None], force, way)
-        size = np.where(tells, size, lengths(way))
-        return np.where(self.slips[:, None], along / np.where(size > 0, size, 1.0)[:, None], 0.0)
+        faint = self.slips & (size <= SOLVED * largest(size))
+        if np.count_nonzero(faint):
+            way = self.answer.plastic_slip
+            along = np.where((faint & way.any(axis=1))[:, None], way, along)
+        return unit_vectors(np.where(self.slips[:, None], along, 0.0))
 
     @cached_property
     def slopes(self) -> Slopes:
         """Derivatives of the friction of slipping points."""
-        local, rule, t = self.local, self.rule, self.local.slip.shape[1]
-        unit, slips = np.eye(t), self.slips[:, None, None]
-        exact, elastic = self.exact[:, None, None], unit * self.elastic[:, None, None]
+        local, (m, t) = self.local, self.local.slip.shape
+        slips, elastic = self.slips[:, None, None], self.elastic[:, None, None]
+        if t == 1 and self.rule.steady:  # nothing turns
+            by_normal, trial = self.direction * self.bound_slope[:, None], BEYOND * self.direction
+            spring, none = elastic * self.stiffness[:, None, None], np.zeros((m, 1, 1))
+            return Slopes(spring, 1.0 * elastic, none, 1.0 * slips, by_normal, trial)
+        unit = np.eye(t)
+        elastic = unit * elastic
         way, force = self.answer.plastic_slip, lengths(local.tangential_force)
-        moved = lengths(way)
+        exact, moved = self.exact[:, None, None], lengths(way)
         # with exact sticking any stiffness does: one that makes the trial force twice the bound
         k = np.where(force > 0, force, 1.0) / np.where(moved > 0, moved, 1.0)
         k = np.where(self.exact, k, self.stiffness)[:, None]
         trial = local.tangential_force + k * way if t > 1 else BEYOND * self.direction
-        by = rule.mapped(trial, local.normal_force, local.slip)[2]
-        J, M = np.where(slips, by.trial, 0.0), unit * slips
-        if np.count_nonzero(J):
-            M = M @ np.linalg.inv(unit - np.where(exact, J, 0.0))
+        by = self.rule.mapped(trial, local.normal_force, local.slip)[2]
+        J = np.where(slips, by.trial, 0.0)
+        M = unit * slips @ np.linalg.inv(unit - np.where(exact, J, 0.0))
         spring = M @ (k[:, :, None] * J) + k[:, :, None] * elastic
-        if rule.steady:  # round-off alone takes springs from being symmetric
+        if self.rule.steady:  # round-off alone takes springs from being symmetric
             spring = 0.5 * (spring + spring.swapaxes(1, 2))
         # the bound of glue that is pulled stays as it is
         by_normal = np.einsum("ikl,il->ik", M, np.where(self.presses[:, None], by.normal_force, 0.0))
@@ -225,21 +232,14 @@ class Tangent:
 
     def friction(self, by_map: Array, by_trial: Array, by_slip: Array) -> Array:
         """Changes of friction by those of the return map, and of the friction and slip before."""
-        found, given = np.zeros(self.local.slip.shape), (by_map, by_trial, by_slip)
-        for slope, own in zip(self._slopes, given, strict=True):
-            if slope is not None:
-                found += np.einsum("ikl,il->ik", slope, own)
-        return found
+        slopes = self.slopes.by_map, self.slopes.by_trial, self.slopes.by_slip
+        both = zip(slopes, (by_map, by_trial, by_slip), strict=True)
+        return np.asarray(sum(np.einsum("ikl,il->ik", slope, own) for slope, own in both))
 
     def friction_by(self, given: Array) -> list[Array]:
         """`friction` transposed."""
-        still = np.zeros(given.shape)
-        return [still if s is None else np.einsum("ikl,ik->il", s, given) for s in self._slopes]
-
-    @property
-    def _slopes(self) -> list[Array | None]:
         slopes = self.slopes.by_map, self.slopes.by_trial, self.slopes.by_slip
-        return [slope if np.count_nonzero(slope) else None for slope in slopes]
+        return [np.einsum("ikl,ik->il", slope, given) for slope in slopes]
 
     # -- how far it holds -----------------------------------------------------------------------
 
@@ -290,8 +290,7 @@ class Tangent:
     @cached_property
     def toward(self) -> Array:
         """Unit direction of the friction force of every point, zero without one."""
-        size = lengths(self.local.tangential_force)
-        return self.local.tangential_force / np.where(size > 0, size, 1.0)[:, None]
+        return unit_vectors(self.local.tangential_force)
 
     @cached_property
     def kinks(self) -> Index:
@@ -378,7 +377,7 @@ class Tangent:
     @cached_property
     def T(self) -> csr_matrix:
         """Rates of u that `rows` and supports leave free, ``u = T u_r``, (n, r)."""
-        return self._basis(self.rows)
+        return csr_matrix(left_free(self.rows, self.answer.system).T)
 
     @cached_property
     def W(self) -> csr_matrix:
@@ -388,7 +387,8 @@ class Tangent:
         """
         if not np.any(self.slope):
             return self.T
-        return self._basis(held_rows(self.answer.kin, self.closed, self.stick, self.slope))
+        rows = held_rows(self.answer.kin, self.closed, self.stick, self.slope)
+        return csr_matrix(left_free(rows, self.answer.system).T)
 
     @property
     def K_r(self) -> csr_matrix:
@@ -399,12 +399,6 @@ class Tangent:
     def K_friction(self) -> csr_matrix:
         """The part of `K_r` by friction that follows the pressure, ``(W - T)' K T``, (r, r)."""
         return csr_matrix((self.W - self.T).T @ self.K @ self.T)
-
-    def _basis(self, rows: csr_matrix) -> csr_matrix:
-        from skfem_contact.elimination.transformation import eliminate
-
-        system = self.answer.system
-        return csr_matrix(eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n)).T)
 
     def __repr__(self) -> str:
         count = [int(np.sum(self.status == k)) for k in (OPEN, STICK, SLIP)]
@@ -429,6 +423,13 @@ def held_rows(kin: Kinematics, closed: Mask, stick: Mask, slope: Array | None = 
     return csr_matrix(vstack(held))
 
 
+def left_free(rows: csr_matrix, system: System) -> AffineConstraint:
+    """What rows that are zero, and supports, leave free."""
+    from skfem_contact.elimination.transformation import eliminate
+
+    return eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n))
+
+
 def differentiable(law: FrictionLaw) -> bool:
     """Whether a law says how its bound changes: one of ours, or with a slope or map of its own."""
     own = type(law)
@@ -444,7 +445,11 @@ def refuse(answer: Answer) -> None:
     """
     model = answer.model
     interface = model.interface
-    bare = [law for _, law in interface.laws if not differentiable(law.law)]
+    bare = [
+        f"{type(law.law).__name__} of contact '{law.contact}'"
+        for _, law in interface.laws
+        if not differentiable(law.law)
+    ]
     reasons: dict[str, Any] = {
         f"it did not converge ({answer.message})": not answer.converged,
         'contact slides far (sliding="finite"): how its pairing changes is not differentiated. Where '
@@ -460,18 +465,12 @@ def refuse(answer: Answer) -> None:
         "a material has internal variables, which are not differentiated": any(
             getattr(body, "initial_state", None) for body in model.system.bodies
         ),
+        f"the law {', '.join(bare)} has no slopes of its own, and "
+        "difference quotients leave six digits. Give it a method slope(...), the derivative of its "
+        "limit by the normal force, or a return_map(...)": bare,
+        f"the contact problem has no matrix on this route ({model.route}). Make the solver with "
+        'linear="condensed"': model.for_tangents is None,
     }
-    for law in bare[:1]:
-        reasons[
-            f"the law {type(law.law).__name__} of contact '{law.contact}' has no slopes of its own, "
-            "and difference quotients leave six digits. Give it a method slope(...), the derivative of "
-            "its limit by the normal force, or a return_map(...)"
-        ] = True
     for words, wrong in reasons.items():
         if wrong:
             raise InputError(f"this result has no derivatives: {words}.")
-    if model.for_tangents is None:
-        raise InputError(
-            f"this result has no derivatives: the contact problem has no matrix on this route "
-            f'({model.route}). Make the solver with linear="condensed".'
-        )
