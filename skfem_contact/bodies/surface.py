@@ -64,9 +64,6 @@ class ContactSurface:
         Lengths of lines, roots of the areas of faces: the size of a facet [length].
     mesh_facets : ndarray of int, shape (nf,)
         Facet numbers in the mesh.
-    kinks : ndarray, shape (m,)
-        Angle by which the undeformed surface turns at a node beside a straight part or a flat; 0
-        elsewhere, so on curves [rad]. Strains bend flats, and would make kinks come and go.
     twins : ndarray of int, shape (nf, c)
         The same edge seen from the facet across it; -1 where the surface ends. Edge i of facet f has
         the number ``c f + i``; the edges of a line are its start and its end.
@@ -112,7 +109,6 @@ class ContactSurface:
     area: np.ndarray
     lengths: np.ndarray
     mesh_facets: np.ndarray
-    kinks: np.ndarray
     twins: np.ndarray
     slopes: np.ndarray
     end_turns: np.ndarray
@@ -240,6 +236,16 @@ class ContactSurface:
         sharp[self.facets[:, self.kind.edges][self.sharp_edges]] = True
         return sharp
 
+    @cached_property
+    def kinks(self) -> np.ndarray:
+        """Angle by which it turns at a node beside a straight part or a flat, (m,); 0 elsewhere [rad].
+
+        That of the undeformed surface: strains bend flats, and would make kinks come and go.
+        """
+        if self.undeformed is not None:
+            return self.undeformed.kinks
+        return kink_angles(self.points, self.facets, self.kind, self.twins)
+
     @property
     def _rim(self) -> np.ndarray:
         """Find the rim of the surface: end nodes of curves (r, 1), edges of faces (r, 2)."""
@@ -293,7 +299,6 @@ def surface_of(
     label = f"{body.name}/{name}" if body.name else name
     fields = {
         "area": tributary_areas(points, facets, kind, body.measure, label),
-        "kinks": kink_angles(points, facets, kind, twins),
         "slopes": end_slopes(points, facets, normals["facet_node_normals"]),
         "end_turns": np.zeros(twins.shape),
         **{key: value for key, value in given.items() if value is not None},

@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.bodies.facet_kinds import node_positions
 from skfem_contact.bodies.normals import sizes, tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED
@@ -207,7 +208,7 @@ def facet_balls(surface: ContactSurface) -> tuple[Array, Array]:
 
 def _boxes(surface: ContactSurface) -> tuple[Array, Array]:
     """Boxes around facets, (nf, d) each; linear ones lie in the hull of their nodes."""
-    x = surface.points.take(surface.facets, axis=0)
+    x = node_positions(surface.points, surface.facets)
     if surface.quadratic and surface.dim == 2:
         # a quadratic curve lies in the hull of its ends and its Bezier control point
         x[:, 2] = 2 * x[:, 2] - 0.5 * (x[:, 0] + x[:, 1])
