@@ -236,13 +236,13 @@ def test_what_can_not_be_read_is_answered(tmp_path, monkeypatch):
 
 
 def test_round_faces_have_sixteen_nodes_to_the_turn(tmp_path):
-    """However large elements are: a bore of radius 1 in a plate of 4."""
+    """However large elements are: a bore of radius 1 in a plate of 10."""
     gmsh = pytest.importorskip("gmsh")
     gmsh.initialize(interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         plate, bore = (
-            gmsh.model.occ.addBox(-2, -2, 0, 4, 4, 0.5),
+            gmsh.model.occ.addBox(-5, -5, 0, 10, 10, 1),
             gmsh.model.occ.addCylinder(0, 0, -1, 0, 0, 3, 1),
         )
         gmsh.model.occ.cut([(3, plate)], [(3, bore)])
