@@ -38,6 +38,45 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
+class Sights:
+    """Places on facets that look along normals.
+
+    Attributes
+    ----------
+    at, normal : ndarray, shape (n, d)
+    bulge : ndarray, shape (n,)
+        How far the smooth boundary stands out of the facet there [length].
+    of : ndarray of int, shape (n,)
+        Facets, by the numbers of all boundaries.
+    """
+
+    at: Array
+    normal: Array
+    bulge: Array
+    of: Index
+
+    @classmethod
+    def from_facets(
+        cls, surfaces: Sequence[ContactSurface], numbers: Index, some: list[Index], rim: bool
+    ) -> Sights:
+        """From the middles of some facets of each surface, or from places near their rim.
+
+        `numbers` are those of the first facets of the surfaces.
+        """
+        columns: list[tuple[Array, ...]] = []
+        for surface, facets, first in zip(surfaces, some, numbers, strict=False):
+            at, normal, bulge = _places(surface, facets, rim)
+            of = np.repeat(facets + first, bulge.shape[1])
+            d = surface.dim
+            columns.append((at.reshape(-1, d), normal.reshape(-1, d), bulge.ravel(), of))
+        return cls(*(np.concatenate(column) for column in zip(*columns, strict=True)))
+
+    def some(self, which: Index) -> Sights:
+        """Some of these places."""
+        return Sights(*(part.take(which, axis=0) for part in vars(self).values()))
+
+
+@dataclass(frozen=True, eq=False)
 class Boundaries:
     """The boundaries of all bodies: their facets one after the other, and the patches these make.
 
@@ -53,8 +92,8 @@ class Boundaries:
         Of each facet: the body, the connected part of the mesh, and the patch.
     rim : ndarray of bool, shape (nf,)
         Facets on the rim of their patch.
-    bulge : ndarray, shape (nf,)
-        How far the smooth boundary stands out in the middle of facets [length].
+    middles : Sights
+        From the middle of each facet.
     lower, upper : ndarray, shape (number of bodies, d)
         Boxes around the bodies.
     """
@@ -65,7 +104,7 @@ class Boundaries:
     piece: Index
     patch: Index
     rim: Mask
-    bulge: Array
+    middles: Sights
     lower: Array
     upper: Array
 
@@ -74,6 +113,7 @@ class Boundaries:
         """Take the boundaries of bodies, and cut them into patches."""
         surfaces = tuple(body.surface(None, name="boundary") for body in bodies)
         counts = [len(surface.facets) for surface in surfaces]
+        first = np.concatenate([[0], np.cumsum(counts)])
         pieces: list[Index] = []
         patches: list[Index] = []
         rims = []
@@ -91,12 +131,12 @@ class Boundaries:
             rims.append(~smooth.all(axis=1))
         return cls(
             surfaces,
-            np.concatenate([[0], np.cumsum(counts)]),
+            first,
             np.repeat(np.arange(len(surfaces)), counts),
             np.concatenate(pieces),
             np.concatenate(patches),
             np.concatenate(rims),
-            np.concatenate([_places(surface, slice(None), False)[2][:, 0] for surface in surfaces]),
+            Sights.from_facets(surfaces, first, [*map(np.arange, counts)], rim=False),
             np.array([surface.points.min(axis=0) for surface in surfaces]),
             np.array([surface.points.max(axis=0) for surface in surfaces]),
         )
@@ -173,36 +213,6 @@ class Pieces:
         return cls(x, *every, starts, counts, tree)
 
 
-@dataclass(frozen=True, eq=False)
-class Sights:
-    """Places on facets that look along normals.
-
-    Attributes
-    ----------
-    at, normal : ndarray, shape (n, d)
-    bulge : ndarray, shape (n,)
-        How far the smooth boundary stands out of the facet there [length].
-    of : ndarray of int, shape (n,)
-        Facets, by the numbers of all boundaries.
-    """
-
-    at: Array
-    normal: Array
-    bulge: Array
-    of: Index
-
-    @classmethod
-    def from_facets(cls, bounds: Boundaries, some: list[Index], rim: bool) -> Sights:
-        """From the middles of some facets of each surface, or from places near their rim."""
-        columns: list[tuple[Array, ...]] = []
-        for surface, facets, first in zip(bounds.surfaces, some, bounds.first, strict=False):
-            at, normal, bulge = _places(surface, facets, rim)
-            of = np.repeat(facets + first, bulge.shape[1])
-            d = surface.dim
-            columns.append((at.reshape(-1, d), normal.reshape(-1, d), bulge.ravel(), of))
-        return cls(*(np.concatenate(column) for column in zip(*columns, strict=True)))
-
-
 def _places(surface: ContactSurface, facets: Any, rim: bool) -> tuple[Array, Array, Array]:
     """Places on facets (n, q, d), normals there, and how far the boundary stands out, (n, q)."""
     kind = surface.kind
@@ -226,9 +236,12 @@ def _places(surface: ContactSurface, facets: Any, rim: bool) -> tuple[Array, Arr
 
 def _smooth_normals(surface: ContactSurface, facets: Any) -> Array:
     """Normals of the smooth boundary at the nodes of facets, (n, k, d); their own beside a kink."""
+    averaged = surface.facet_node_normals[facets]
+    if not surface.kinks.any():
+        return averaged
     kinked = surface.kinks[surface.facets[facets]] > 0
     own = surface.facet_normals[facets][:, None]
-    return np.where(kinked[..., None], own, surface.facet_node_normals[facets])
+    return np.where(kinked[..., None], own, averaged)
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,17 +267,19 @@ class Views:
 def look(bounds: Boundaries, within: float) -> Views:
     """Return what the facets of all bodies see of others, up to `NEARLY` times a distance both ways."""
     # distances of chords are larger than those of the boundary
-    reach = NEARLY * within + 2 * float(np.abs(bounds.bulge).max())
+    reach = NEARLY * within + 2 * float(np.abs(bounds.middles.bulge).max())
     near = bounds.near_others(reach)
     if not any(map(len, near)):
         return Views(*(np.zeros(0, dtype=np.intp),) * 2, *(np.zeros(0),) * 2)
     pieces = Pieces.cut(bounds, near)
-    middles = _seen(bounds, Sights.from_facets(bounds, near, False), pieces, reach)
+    every = np.concatenate([some + first for some, first in zip(near, bounds.first, strict=False)])
+    middles = _seen(bounds, bounds.middles.some(every), pieces, reach)
     # where the middle sees nothing near, other places may
     blind = np.ones(len(bounds.body), dtype=bool)
     blind[middles.facet[np.abs(middles.gap) <= within]] = False
     rest = [some[blind[some + first]] for some, first in zip(near, bounds.first, strict=False)]
-    others = _seen(bounds, Sights.from_facets(bounds, rest, True), pieces, reach)
+    around = Sights.from_facets(bounds.surfaces, bounds.first, rest, rim=True)
+    others = _seen(bounds, around, pieces, reach)
     both = zip(vars(middles).values(), vars(others).values(), strict=True)
     return Views(*(np.concatenate(pair) for pair in both))
 

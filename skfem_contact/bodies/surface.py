@@ -266,8 +266,12 @@ def extract_surface(
     check_name(name, "name of a surface")
     name = name or name_of(where)
     label = f"{body.name}/{name}" if body.name else name
+    return surface_on(body, select_facets(body.basis.mesh, where, nodes, label), name, label)
+
+
+def surface_on(body: Any, numbers: np.ndarray, name: str, label: str | None = None) -> ContactSurface:
+    """The surface of some facets of the boundary; with a label for messages, they are checked."""
     basis, mesh = body.basis, body.basis.mesh
-    numbers = select_facets(mesh, where, nodes, label)
     numbers, vertices = seen_from_outside(mesh, numbers)
     if body.dim == 2:
         order = order_along(vertices)
@@ -279,7 +283,8 @@ def extract_surface(
     facets = facets[:, np.argsort(met)]
     dofs = node_dofs(basis, unique, body.components)
     points = np.ascontiguousarray(basis.doflocs[:, dofs[:, 0]].T)
-    check_facets(points, facets, kind, numbers, mesh, label)
+    if label is not None:
+        check_facets(points, facets, kind, numbers, mesh, label)
     turns = end_turns(basis, points, facets, vertices, twins) if body.dim == 2 else None
     return surface_of(body, name, points, dofs, facets, twins, mesh_facets=numbers, end_turns=turns)
 
