@@ -234,11 +234,10 @@ def names_of(pairs: Sequence[Draft]) -> list[str]:
 
 def strange_bodies(bounds: Boundaries, within: float) -> list[str]:
     """Sentences on bodies that are there twice, and on those that overlap more than a pair may."""
-    lines = []
+    lines, (lower, upper) = [], bounds.boxes
     for i, j in combinations(range(len(bounds.surfaces)), 2):
         one, other = bounds.surfaces[i], bounds.surfaces[j]
-        low = np.maximum(bounds.lower[i], bounds.lower[j])
-        high = np.minimum(bounds.upper[i], bounds.upper[j])
+        low, high = np.maximum(lower[i], lower[j]), np.minimum(upper[i], upper[j])
         if np.any(high - low <= within):
             continue
         both = f"{one.body.name!r} and {other.body.name!r}"

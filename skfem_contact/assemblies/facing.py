@@ -15,8 +15,9 @@ so a shank in a bore of equal radius has no gap, however coarse the two meshes a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import SimpleNamespace
-from typing import Any, cast
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,8 +95,8 @@ class Boundaries:
         Facets on the rim of their patch.
     middles : Sights
         From the middle of each facet.
-    lower, upper : ndarray, shape (number of bodies, d)
-        Boxes around the bodies.
+    lower, upper : ndarray, shape (nf, d)
+        Boxes around the nodes of facets.
     """
 
     surfaces: tuple[ContactSurface, ...]
@@ -137,21 +138,25 @@ class Boundaries:
             np.concatenate(patches),
             np.concatenate(rims),
             Sights.from_facets(surfaces, first, [*map(np.arange, counts)], rim=False),
-            np.array([surface.points.min(axis=0) for surface in surfaces]),
-            np.array([surface.points.max(axis=0) for surface in surfaces]),
+            *(np.concatenate(ends) for ends in zip(*map(_boxes, surfaces), strict=True)),
         )
+
+    @cached_property
+    def boxes(self) -> tuple[Array, Array]:
+        """Around the bodies, lower and upper corners, (number of bodies, d) each."""
+        start = self.first[:-1]
+        return np.minimum.reduceat(self.lower, start), np.maximum.reduceat(self.upper, start)
 
     def near_others(self, reach: float) -> list[Index]:
         """Facets of each surface with a node in the box of another body, `reach` larger."""
         found = []
-        for i, surface in enumerate(self.surfaces):
-            low, high = self.lower - reach, self.upper + reach
-            close = np.all((self.upper[i] >= low) & (self.lower[i] <= high), axis=1)
+        low, high = self.boxes[0] - reach, self.boxes[1] + reach
+        for i, (first, last) in enumerate(pairwise(self.first)):
+            lower, upper = self.lower[first:last], self.upper[first:last]
+            close = np.all((high[i] - reach >= low) & (low[i] + reach <= high), axis=1)
             # parts of one body may touch as well: then all of it is asked
-            close[i] = np.ptp(self.piece[self.first[i] : self.first[i + 1]]) > 0
-            x = node_positions(surface.points, surface.facets)
-            lower, upper = x.min(axis=1), x.max(axis=1)
-            near = np.zeros(len(x), dtype=bool)
+            close[i] = np.ptp(self.piece[first:last]) > 0
+            near = np.zeros(len(lower), dtype=bool)
             for k in np.flatnonzero(close):
                 near |= np.all((upper >= low[k]) & (lower <= high[k]), axis=1)
             found.append(np.flatnonzero(near))
@@ -190,27 +195,30 @@ class Pieces:
     @classmethod
     def cut(cls, bounds: Boundaries, near: list[Index]) -> Pieces:
         """Cut some facets of each surface into pieces."""
-        d, widest = bounds.surfaces[0].dim, max(surface.kind.nodes for surface in bounds.surfaces)
-        corners, normals, of, count, nodes = [], [], [], [], []
-        for surface, some, first in zip(bounds.surfaces, near, bounds.first, strict=False):
+        d, every = bounds.surfaces[0].dim, numbered(bounds, near)
+        corners, normals, count = [], [], []
+        for surface, some in zip(bounds.surfaces, near, strict=True):
             kind, facets = surface.kind, surface.facets[some]
             pieces = np.array(kind.parts) if kind.dim == 1 else kind.cut
             corners.append(surface.points.take(facets[:, pieces], axis=0).reshape(-1, d, d))
             normals.append(_smooth_normals(surface, some).take(pieces, axis=1).reshape(-1, d, d))
-            of.append(np.repeat(some + first, len(pieces)))
             count.append(np.full(len(some), len(pieces)))
-            padded = np.minimum(np.arange(widest), kind.nodes - 1)  # the last one again
-            nodes.append(surface.points.take(facets[:, padded], axis=0).reshape(-1, d))
         x, counts = np.concatenate(corners), np.concatenate(count)
         edges = x[:, 1:] - x[:, :1]
         dual = np.linalg.solve(edges @ edges.transpose(0, 2, 1), edges)
-        # all that a tree asks of a surface, if it has no cones
-        numbers = np.arange(len(counts) * widest).reshape(-1, widest)
-        outlines = {"points": np.concatenate(nodes), "facets": numbers, "quadratic": False, "dim": d}
-        tree = FacetTree.build(cast(ContactSurface, SimpleNamespace(**outlines)), cones=False)
-        starts = np.cumsum(counts) - counts
-        every = np.concatenate(normals), across(edges), dual, np.concatenate(of)
-        return cls(x, *every, starts, counts, tree)
+        tree = FacetTree.over(bounds.lower[every], bounds.upper[every])
+        known = np.concatenate(normals), across(edges), dual, np.repeat(every, counts)
+        return cls(x, *known, np.cumsum(counts) - counts, counts, tree)
+
+
+def numbered(bounds: Boundaries, some: list[Index]) -> Index:
+    """Facets of each surface by the numbers of all boundaries."""
+    return np.concatenate([mine + first for mine, first in zip(some, bounds.first, strict=False)])
+
+
+def _boxes(surface: ContactSurface) -> tuple[Array, Array]:
+    x = node_positions(surface.points, surface.facets)
+    return x.min(axis=1), x.max(axis=1)
 
 
 def _places(surface: ContactSurface, facets: Any, rim: bool) -> tuple[Array, Array, Array]:
@@ -272,8 +280,7 @@ def look(bounds: Boundaries, within: float) -> Views:
     if not any(map(len, near)):
         return Views(*(np.zeros(0, dtype=np.intp),) * 2, *(np.zeros(0),) * 2)
     pieces = Pieces.cut(bounds, near)
-    every = np.concatenate([some + first for some, first in zip(near, bounds.first, strict=False)])
-    middles = _seen(bounds, bounds.middles.some(every), pieces, reach)
+    middles = _seen(bounds, bounds.middles.some(numbered(bounds, near)), pieces, reach)
     # where the middle sees nothing near, other places may
     blind = np.ones(len(bounds.body), dtype=bool)
     blind[middles.facet[np.abs(middles.gap) <= within]] = False

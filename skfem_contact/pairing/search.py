@@ -116,12 +116,16 @@ class FacetTree:
         Without `cones` it knows of balls alone.
         """
         few = 1 if count is None else FEW_PAIRS / max(count, 1)
-        lower, upper = _boxes(surface)
+        seen = (_directions(surface.facet_normals), _spreads(surface)) if cones else ()
+        return cls.over(*_boxes(surface), seen, few)
+
+    @classmethod
+    def over(
+        cls, lower: Array, upper: Array, seen: tuple[Array, ...] = (), few: float = 1
+    ) -> FacetTree:
+        """Build it over boxes (nf, d) around facets, with cones or of balls alone; see `build`."""
         order = None
-        seen: tuple[Array, ...] = ()
-        if cones:
-            seen = _directions(surface.facet_normals), _spreads(surface)
-        if surface.dim == 3 and len(lower) > few:
+        if lower.shape[1] == 3 and len(lower) > few:
             order = bisected(0.5 * (lower + upper))
             lower, upper = lower[order], upper[order]
             seen = tuple(part[order] for part in seen)
@@ -131,7 +135,7 @@ class FacetTree:
             right = np.minimum(left + 1, len(lower) - 1)
             lower = np.minimum(lower[left], lower[right])
             upper = np.maximum(upper[left], upper[right])
-            if cones:
+            if seen:
                 seen = _merge(*(part[some] for some in (left, right) for part in seen))
             levels.append(Nodes(*_balls(lower, upper), seen))
         return cls(tuple(levels), order)
