@@ -115,27 +115,23 @@ class Boundaries:
         surfaces = tuple(body.surface(None, name="boundary") for body in bodies)
         counts = [len(surface.facets) for surface in surfaces]
         first = np.concatenate([[0], np.cumsum(counts)])
-        pieces: list[Index] = []
-        patches: list[Index] = []
-        rims = []
+        pieces, patches, rims = [], [], []
         for body, surface in zip(bodies, surfaces, strict=True):
             smooth = (surface.twins >= 0) & ~surface.sharp_edges
-            nf = len(surface.facets)
-            facet, across_it = np.nonzero(smooth)[0], surface.neighbours[smooth]
-            patch = pieces_of(np.array([facet, across_it]), nf)
-            patches.append(patch + (patches[-1].max() + 1 if patches else 0))
+            joined = np.array([np.nonzero(smooth)[0], surface.neighbours[smooth]])
+            patches.append(pieces_of(joined, len(smooth)))
             piece = pieces_of(surface.facets.T, len(surface.points))[surface.facets[:, 0]]
             if piece.any():  # around a hollow, or of another part
                 mesh = body.basis.mesh
                 piece = pieces_of(mesh.t, mesh.nvertices)[mesh.facets[0, surface.mesh_facets]]
-            pieces.append(piece + (pieces[-1].max() + 1 if pieces else 0))
+            pieces.append(piece)
             rims.append(~smooth.all(axis=1))
         return cls(
             surfaces,
             first,
             np.repeat(np.arange(len(surfaces)), counts),
-            np.concatenate(pieces),
-            np.concatenate(patches),
+            _apart(pieces),
+            _apart(patches),
             np.concatenate(rims),
             Sights.from_facets(surfaces, first, [*map(np.arange, counts)], rim=False),
             *(np.concatenate(ends) for ends in zip(*map(_boxes, surfaces), strict=True)),
@@ -149,11 +145,11 @@ class Boundaries:
 
     def near_others(self, reach: float) -> list[Index]:
         """Facets of each surface with a node in the box of another body, `reach` larger."""
-        found = []
-        low, high = self.boxes[0] - reach, self.boxes[1] + reach
+        found, boxes = [], self.boxes
+        low, high = boxes[0] - reach, boxes[1] + reach
         for i, (first, last) in enumerate(pairwise(self.first)):
             lower, upper = self.lower[first:last], self.upper[first:last]
-            close = np.all((high[i] - reach >= low) & (low[i] + reach <= high), axis=1)
+            close = np.all((boxes[1][i] >= low) & (boxes[0][i] <= high), axis=1)
             # parts of one body may touch as well: then all of it is asked
             close[i] = np.ptp(self.piece[first:last]) > 0
             near = np.zeros(len(lower), dtype=bool)
@@ -214,6 +210,12 @@ class Pieces:
 def numbered(bounds: Boundaries, some: list[Index]) -> Index:
     """Facets of each surface by the numbers of all boundaries."""
     return np.concatenate([mine + first for mine, first in zip(some, bounds.first, strict=False)])
+
+
+def _apart(parts: list[Index]) -> Index:
+    """Numbers of pieces of each surface, no two of them alike."""
+    starts = np.cumsum([0, *(part.max() + 1 for part in parts)])
+    return np.concatenate([part + start for part, start in zip(parts, starts, strict=False)])
 
 
 def _boxes(surface: ContactSurface) -> tuple[Array, Array]:
@@ -357,13 +359,9 @@ def _crossings(
     apart = sights.of[item] != pieces.of[piece]
     item, piece = item[apart], piece[apart]
     # `take` gathers rows in a fraction of the time of an index
-    at, normal, area, corners, dual = (
-        table.take(rows, axis=0)
-        for table, rows in (
-            (sights.at, item), (sights.normal, item), (pieces.area, piece),
-            (pieces.corners, piece), (pieces.dual, piece),
-        )
-    )  # fmt: skip
+    at, normal = (part.take(item, axis=0) for part in (sights.at, sights.normal))
+    tables = pieces.area, pieces.corners, pieces.dual
+    area, corners, dual = (part.take(piece, axis=0) for part in tables)
     across_it = dot(area, normal)
     there = np.abs(across_it) > GIVEN * sizes(area)
     distance = dot(area, corners[:, 0] - at) / np.where(there, across_it, 1.0)
