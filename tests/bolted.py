@@ -40,6 +40,11 @@ def stack(seed=0, at=4.7, stiff=1e5, **settings):
     return sc.ContactSolver([bolt, plate, head], contacts, bolts=bolts, **settings)
 
 
+ELEMENTS = {
+    fem.MeshHex: fem.ElementHex1,
+    fem.MeshTet: fem.ElementTetP1,
+    fem.MeshTet2: fem.ElementTetP2,
+}
 TIGHTEN = {"bolt": {"M": {"force": 10.0}}}
 
 
@@ -77,7 +82,7 @@ def clamped(meshes, turn=None, unit=1.0, at=0.4, axis=1.0, mu=0.2, seed=None, fo
             order = np.random.default_rng(seed).permutation(p.shape[1])
             p, t = p[:, np.argsort(order)], order[t]
         here = type(mesh)(unit * (turn @ p), t)
-        element = fem.ElementHex1() if isinstance(mesh, fem.MeshHex) else fem.ElementTetP1()
+        element = ELEMENTS[type(mesh)]()
         basis = fem.Basis(here, fem.ElementVector(element), intorder=2)
         D = None
         if name == "lower":  # at its rim

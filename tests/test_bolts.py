@@ -123,10 +123,23 @@ def test_saved_states_keep_bolts(tmp_path):
 # -- solids: a bolt with head and nut through two plates ------------------------------------------
 
 
-@pytest.mark.parametrize(("kind", "at"), [(fem.MeshHex, 2.4), (fem.MeshTet, -2.6), (fem.MeshTet, 0.1)])
-def test_head_and_nut_carry_the_given_force(kind, at):
+@pytest.mark.parametrize(
+    ("kind", "plates", "at"),
+    [
+        (fem.MeshHex, fem.MeshHex, 2.4),
+        (fem.MeshTet, fem.MeshTet, -2.6),
+        (fem.MeshTet, fem.MeshTet, 0.1),
+        (fem.MeshTet, fem.MeshHex, 0.1),
+        (fem.MeshTet2, fem.MeshTet, 0.1),
+    ],
+)
+def test_head_and_nut_carry_the_given_force(kind, plates, at):
     """On any mesh and any jagged section, to nine digits; and what balances it under a load."""
-    solver = clamped(parts(kind), at=at)
+    first = fem.MeshTet if kind is fem.MeshTet2 else kind
+    meshes = [parts(first)[0], *parts(plates)[1:]]
+    if kind is fem.MeshTet2:
+        meshes[0] = fem.MeshTet2.from_mesh(meshes[0])
+    solver = clamped(meshes, at=at)
     tight, loaded = pulled(solver)
     for name, sign in (("head", 1), ("nut", -1), ("joint", 1)):
         assert sign * tight[name].force[2] == pytest.approx(8e3, rel=1e-9)
@@ -445,6 +458,42 @@ def test_two_sections_of_one_bolt_add_up():
     *_, last = both.history(steps)
     assert last.bolts["bolt 2"].stretch == pytest.approx(0.75 * d, rel=1e-9)
     assert last.bolts["bolt 1"].force == pytest.approx(10.0, rel=1e-9)
+
+
+def bowed():
+    """A bow whose two feet are glued to the ground, over a column: a bolt in each leg."""
+    frame = fem.MeshQuad.init_tensor(np.linspace(0, 6, 13), np.linspace(0, 10, 11))
+    frame = frame.restrict(frame.elements_satisfying(lambda x: (abs(x[0] - 3) > 2) | (x[1] > 8)))
+    column = fem.MeshQuad.init_tensor(np.linspace(2, 4, 4), np.linspace(0, 8, 6)).with_defaults()
+    element, form = fem.ElementVector(fem.ElementQuad1()), linear_elasticity(0.0, 1e5)
+    bow = sc.Body.from_mesh(frame, element, form, name="bow")
+    column = sc.Body.from_mesh(column, element, form, D="bottom", name="column")
+    under = bow.surface(lambda x: (x[1] == 8) & (abs(x[0] - 3) < 2), name="under")
+    feet = bow.surface(lambda x: x[1] == 0, name="feet")
+    contacts = [
+        sc.Contact(column.surface("top"), under, name="joint"),
+        sc.Contact(feet, sc.RigidPlane((0, 0), (0, 1)), tied=True, name="feet"),
+    ]
+    bolts = [
+        sc.Bolt(bow, point=(x, 4.2), axis=(0, 1), name=name) for x, name in ((0.5, "A"), (5.5, "B"))
+    ]
+    return sc.ContactSolver([bow, column], contacts, bolts=bolts)
+
+
+def test_two_bolts_in_one_body():
+    """One after the other: balance, mirrored, and the same as both lengths at once."""
+    solver = bowed()
+    *_, last = solver.history([{"bolt": {name: {"force": 10.0}}} for name in "AB"])
+    A, B = last.bolts["A"], last.bolts["B"]
+    assert B.force == pytest.approx(10.0, rel=1e-9) and A.force > 11.0  # a see-saw
+    assert -last["joint"].force[1] == pytest.approx(A.force + B.force, rel=1e-9)
+    *_, other = solver.history([{"bolt": {name: {"force": 10.0}}} for name in "BA"])
+    assert other.bolts["B"].force == pytest.approx(A.force, rel=1e-9)
+    (both,) = solver.history([{"bolt": {b.name: {"stretch": b.stretch} for b in (A, B)}}])
+    assert both.bolts["A"].force == pytest.approx(A.force, rel=1e-9)
+    (even,) = solver.history([{"bolt": {name: {"force": 10.0} for name in "AB"}}])
+    assert even.bolts["A"].stretch == pytest.approx(even.bolts["B"].stretch, rel=1e-9)
+    assert even.bolts["A"].bending == pytest.approx(even.bolts["B"].bending, rel=1e-9)
 
 
 def test_a_bolt_that_nothing_holds_is_named():

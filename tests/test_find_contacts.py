@@ -68,6 +68,12 @@ def stack(d, *heights, **given):
 # ------------------------------------------------------------------------------------ which pairs
 
 
+def test_both_sides_of_a_wall_are_one_body():
+    """A thin ring, whose outer boundary does not hang together with the inner one: no pair of it."""
+    rings = [ring("thin", 5.0, 5.1, 48), ring("around", 5.1, 6.0, 40)]
+    assert sc.find_contacts(rings, within=0.2).names == ("thin - around",)
+
+
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("within", [0.01, 1.0, 1.5])
 def test_a_stack_has_a_pair_for_each_interface(d, within):

@@ -235,6 +235,27 @@ def test_what_can_not_be_read_is_answered(tmp_path, monkeypatch):
     refused(r"pip install 'skfem-contact\[step\]'", tmp_path / "two.step", STEEL)
 
 
+def test_round_faces_have_sixteen_nodes_to_the_turn(tmp_path):
+    """However large elements are: a bore of radius 1 in a plate of 10."""
+    gmsh = pytest.importorskip("gmsh")
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        plate, bore = (
+            gmsh.model.occ.addBox(-5, -5, 0, 10, 10, 1),
+            gmsh.model.occ.addCylinder(0, 0, -1, 0, 0, 3, 1),
+        )
+        gmsh.model.occ.cut([(3, plate)], [(3, bore)])
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(tmp_path / "bored.step"))
+    finally:
+        gmsh.finalize()
+    for order in (1, 2):
+        (body,) = sc.read_bodies(tmp_path / "bored.step", STEEL, size=8.0, order=order)
+        x = body.surface(lambda x: np.hypot(x[0], x[1]) < 1.5).points
+        assert np.count_nonzero((x[:, 2] == 0) & (np.hypot(x[:, 0], x[:, 1]) < 1 + 1e-9)) == 16
+
+
 def test_geometry_is_meshed_by_gmsh(tmp_path):
     """A STEP of two cylinders, curved: volumes to the fourth order of the size of elements."""
     gmsh = pytest.importorskip("gmsh")

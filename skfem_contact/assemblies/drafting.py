@@ -14,7 +14,7 @@ from skfem_contact.assemblies.facing import Boundaries, Views
 from skfem_contact.assemblies.thresholds import ASKED, NEARLY, SLIVER
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.selection import written
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, surface_on
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.thresholds import FINER, STIFFER
@@ -114,7 +114,8 @@ class Side:
         named = self.boundary
         if named is not None:
             there &= named[1]
-        return self.body.surface(self.whole.mesh_facets[there], name=self.place)
+        # the whole boundary has been checked
+        return surface_on(self.body, self.whole.mesh_facets[there], self.place)
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,18 +234,17 @@ def names_of(pairs: Sequence[Draft]) -> list[str]:
 
 def strange_bodies(bounds: Boundaries, within: float) -> list[str]:
     """Sentences on bodies that are there twice, and on those that overlap more than a pair may."""
-    lines = []
+    lines, (lower, upper) = [], bounds.boxes
     for i, j in combinations(range(len(bounds.surfaces)), 2):
         one, other = bounds.surfaces[i], bounds.surfaces[j]
-        low = np.maximum(bounds.lower[i], bounds.lower[j])
-        high = np.minimum(bounds.upper[i], bounds.upper[j])
+        low, high = np.maximum(lower[i], lower[j]), np.minimum(upper[i], upper[j])
         if np.any(high - low <= within):
             continue
         both = f"{one.body.name!r} and {other.body.name!r}"
         if _same(one, other):
             lines.append(f"{both} are the same mesh at the same place: leave one of them out")
             continue
-        chords = sum(float(np.abs(bounds.bulge[bounds.body == k]).max()) for k in (i, j))
+        chords = sum(float(np.abs(bounds.middles.bulge[bounds.body == k]).max()) for k in (i, j))
         depths = [_depth(*pair, low, high) for pair in ((one, other), (other, one))]
         depth, at = max(depths, key=lambda found: found[0])
         if depth > within + chords:

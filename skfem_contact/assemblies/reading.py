@@ -43,6 +43,9 @@ CORNERS = {
 TAGS = ("gmsh:physical", "cell_tags", "medit:ref", "nastran:ref", "su2:tag", "flac3d:group")
 #: What is meshed, or read, by Gmsh.
 CAD, BY_GMSH = (".step", ".stp", ".iges", ".igs", ".brep"), (".unv",)
+#: Nodes of a full turn of round faces that Gmsh meshes. Fewer facets than that are a polygon
+#: (`bodies.thresholds.STEEPEST`), and eight meet at corners.
+TURN = 16
 #: What STEP has for a name where none was given.
 NAMELESS = "Open CASCADE"
 
@@ -80,7 +83,8 @@ def read_bodies(
         What else `Body` takes, by the name of a body or a pattern: ``{"base": {"D": "bottom"}}``; and
         more ``"boundaries"``, functions of the position of facets, where the file has no names.
     size : float, optional
-        Of elements, where Gmsh meshes geometry [length].
+        Of elements, where Gmsh meshes geometry, the largest [length]. Round faces have smaller ones,
+        with 16 nodes to the turn.
     order : int
         Of elements, where Gmsh meshes geometry: 1, or 2 for curved ones with middle nodes.
 
@@ -434,5 +438,6 @@ def _by_gmsh(gmsh: Any, file: Path, cad: bool, size: float | None, order: int) -
         gmsh.model.addPhysicalGroup(dim, [tag], name=names[-1])
     if size is not None:
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", TURN / order)
     gmsh.option.setNumber("Mesh.ElementOrder", order)
     gmsh.model.mesh.generate(dim)

@@ -106,7 +106,7 @@ def seen_from_outside(mesh: Any, numbers: Index) -> tuple[Index, Index]:
         order = np.argsort(element, kind="stable")
         numbers, element = numbers[order], element[order]
     vertices = mesh.facets.take(numbers, axis=1).T.astype(np.intp)
-    x, c = mesh.p.T.take(vertices, axis=0), vertices.shape[1]
+    x, c = node_positions(mesh.p.T, vertices), vertices.shape[1]
     outward = x.mean(axis=1) - mesh.p.take(mesh.t.take(element, axis=1), axis=1).mean(axis=1).T
     wrong = np.einsum("fd,fd->f", area_vectors(x), outward) < 0
     backward = (3 - d - np.arange(c)) % c  # the first corner of a face stays the first

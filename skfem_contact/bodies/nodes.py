@@ -51,11 +51,12 @@ def as_met(ids: Index) -> tuple[Index, Index]:
     >>> nodes.tolist(), facets.tolist()
     ([7, 3, 5], [[0, 1], [1, 2]])
     """
-    unique, first, inverse = np.unique(ids, return_index=True, return_inverse=True)
-    met = np.argsort(first)
-    rank = np.empty_like(met)
-    rank[met] = np.arange(len(met))
-    return unique[met], rank[inverse.reshape(ids.shape)]
+    flat = ids.ravel()
+    place = np.zeros(flat.max(initial=-1) + 1, dtype=np.intp)
+    place[flat[::-1]] = np.arange(len(flat))[::-1]  # of several places the last one, the first met
+    nodes = flat[place[flat] == np.arange(len(flat))]
+    place[nodes] = np.arange(len(nodes))
+    return nodes, place[ids]
 
 
 def held_components(body: Member, dofs: np.ndarray) -> Mask:

@@ -100,7 +100,7 @@ def _pieces(own: Array, twins: Index) -> Index:
         smooth = (twin >= 0) & (np.einsum("pd,pd->p", flat, flat.take(twin, axis=0)) >= CORNER)
         return np.where(smooth & (twin < number), twin, number).reshape(nf, c)
     following = np.roll(number.reshape(nf, c), -1, axis=1).ravel()
-    edge = np.flatnonzero(twin >= 0)
+    edge = np.flatnonzero(twin > number)  # each edge once, of its two facets
     twin = twin[edge]
     one, other = np.concatenate([edge, following[edge]]), np.concatenate([following[twin], twin])
     smooth = np.einsum("pd,pd->p", flat[one], flat[other]) >= CORNER

@@ -64,9 +64,6 @@ class ContactSurface(NamesAttributes):
         Lengths of lines, roots of the areas of faces: the size of a facet [length].
     mesh_facets : ndarray of int, shape (nf,)
         Facet numbers in the mesh.
-    kinks : ndarray, shape (m,)
-        Angle by which the undeformed surface turns at a node beside a straight part or a flat; 0
-        elsewhere, so on curves [rad]. Strains bend flats, and would make kinks come and go.
     twins : ndarray of int, shape (nf, c)
         The same edge seen from the facet across it; -1 where the surface ends. Edge i of facet f has
         the number ``c f + i``; the edges of a line are its start and its end.
@@ -112,7 +109,6 @@ class ContactSurface(NamesAttributes):
     area: np.ndarray
     lengths: np.ndarray
     mesh_facets: np.ndarray
-    kinks: np.ndarray
     twins: np.ndarray
     slopes: np.ndarray
     end_turns: np.ndarray
@@ -240,6 +236,16 @@ class ContactSurface(NamesAttributes):
         sharp[self.facets[:, self.kind.edges][self.sharp_edges]] = True
         return sharp
 
+    @cached_property
+    def kinks(self) -> np.ndarray:
+        """Angle by which it turns at a node beside a straight part or a flat, (m,); 0 elsewhere [rad].
+
+        That of the undeformed surface: strains bend flats, and would make kinks come and go.
+        """
+        if self.undeformed is not None:
+            return self.undeformed.kinks
+        return kink_angles(self.points, self.facets, self.kind, self.twins)
+
     @property
     def _rim(self) -> np.ndarray:
         """Find the rim of the surface: end nodes of curves (r, 1), edges of faces (r, 2)."""
@@ -260,8 +266,12 @@ def extract_surface(
     check_name(name, "name of a surface")
     name = name or name_of(where)
     label = f"{body.name}/{name}" if body.name else name
+    return surface_on(body, select_facets(body.basis.mesh, where, nodes, label), name, label)
+
+
+def surface_on(body: Any, numbers: np.ndarray, name: str, label: str | None = None) -> ContactSurface:
+    """The surface of some facets of the boundary; with a label for messages, they are checked."""
     basis, mesh = body.basis, body.basis.mesh
-    numbers = select_facets(mesh, where, nodes, label)
     numbers, vertices = seen_from_outside(mesh, numbers)
     if body.dim == 2:
         order = order_along(vertices)
@@ -273,7 +283,8 @@ def extract_surface(
     facets = facets[:, np.argsort(met)]
     dofs = node_dofs(basis, unique, body.components)
     points = np.ascontiguousarray(basis.doflocs[:, dofs[:, 0]].T)
-    check_facets(points, facets, kind, numbers, mesh, label)
+    if label is not None:
+        check_facets(points, facets, kind, numbers, mesh, label)
     turns = end_turns(basis, points, facets, vertices, twins) if body.dim == 2 else None
     return surface_of(body, name, points, dofs, facets, twins, mesh_facets=numbers, end_turns=turns)
 
@@ -293,7 +304,6 @@ def surface_of(
     label = f"{body.name}/{name}" if body.name else name
     fields = {
         "area": tributary_areas(points, facets, kind, body.measure, label),
-        "kinks": kink_angles(points, facets, kind, twins),
         "slopes": end_slopes(points, facets, normals["facet_node_normals"]),
         "end_turns": np.zeros(twins.shape),
         **{key: value for key, value in given.items() if value is not None},

@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.bodies.facet_kinds import node_positions
 from skfem_contact.bodies.normals import sizes, tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED
@@ -115,12 +116,16 @@ class FacetTree:
         Without `cones` it knows of balls alone.
         """
         few = 1 if count is None else FEW_PAIRS / max(count, 1)
-        lower, upper = _boxes(surface)
+        seen = (_directions(surface.facet_normals), _spreads(surface)) if cones else ()
+        return cls.over(*_boxes(surface), seen, few)
+
+    @classmethod
+    def over(
+        cls, lower: Array, upper: Array, seen: tuple[Array, ...] = (), few: float = 1
+    ) -> FacetTree:
+        """Build it over boxes (nf, d) around facets, with cones or of balls alone; see `build`."""
         order = None
-        seen: tuple[Array, ...] = ()
-        if cones:
-            seen = _directions(surface.facet_normals), _spreads(surface)
-        if surface.dim == 3 and len(lower) > few:
+        if lower.shape[1] == 3 and len(lower) > few:
             order = bisected(0.5 * (lower + upper))
             lower, upper = lower[order], upper[order]
             seen = tuple(part[order] for part in seen)
@@ -130,7 +135,7 @@ class FacetTree:
             right = np.minimum(left + 1, len(lower) - 1)
             lower = np.minimum(lower[left], lower[right])
             upper = np.maximum(upper[left], upper[right])
-            if cones:
+            if seen:
                 seen = _merge(*(part[some] for some in (left, right) for part in seen))
             levels.append(Nodes(*_balls(lower, upper), seen))
         return cls(tuple(levels), order)
@@ -207,7 +212,7 @@ def facet_balls(surface: ContactSurface) -> tuple[Array, Array]:
 
 def _boxes(surface: ContactSurface) -> tuple[Array, Array]:
     """Boxes around facets, (nf, d) each; linear ones lie in the hull of their nodes."""
-    x = surface.points.take(surface.facets, axis=0)
+    x = node_positions(surface.points, surface.facets)
     if surface.quadratic and surface.dim == 2:
         # a quadratic curve lies in the hull of its ends and its Bezier control point
         x[:, 2] = 2 * x[:, 2] - 0.5 * (x[:, 0] + x[:, 1])
