@@ -394,8 +394,8 @@ def _friction_lines(values: ContactValues) -> list[str]:
     ]
     if abs(values.energy_residual) > COARSE * values.dissipation:
         lines.append(
-            f"  energy balance misses    {values.energy_residual:.3g} in this step: it is coarse, "
-            "smaller ones tell the loss better"
+            f"  energy balance misses    {values.energy_residual:.3g} in this step: the load step is "
+            "long, shorter ones tell the loss better"
         )
     return lines
 

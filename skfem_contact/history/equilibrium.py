@@ -277,9 +277,10 @@ class EquilibriumSearch:
 
 
 USUALLY = (
-    "Usually the load has no equilibrium or several (a large coefficient of friction), or the "
-    "step is too large for its path. Try smaller load steps in history(...), another loop, or "
-    "a smaller mu; "
+    "Usually the load is more than friction can hold, or it has several equilibria (a large "
+    "coefficient of friction), or the step is too large for its path. Compare the load with mu times "
+    "the normal force. Try smaller load steps in history(...), prescribed displacements in the place "
+    "of a force, or another loop; "
 )
 CARRIES = (
     "Contact carries up to {} of this step: that much was reached by a load that is pulled through a "

@@ -276,5 +276,5 @@ def slipping(forward: Array, backward: Array, sigma: Array) -> NDArray[np.bool_]
     """
     tiny = np.finfo(float).tiny
     both = np.minimum(forward, backward) / np.maximum(forward + backward, tiny)
-    far = sigma / max(np.max(sigma, initial=0.0), tiny)
+    far = np.maximum(sigma, 0.0) / max(np.max(sigma, initial=0.0), tiny)
     return np.asarray((sigma > 0) & (both <= far))

@@ -340,6 +340,8 @@ def indefinite_inverse(W: Array, refuses: bool = True) -> Array:
         Rows depend on each other.
     """
     size = np.sqrt(np.max(np.abs(W), axis=1))
+    if not np.all((size > 0) & np.isfinite(size)):  # a tangent that a bad iterate has spoiled
+        raise LinAlgError("contact rows without a finite flexibility")
     divide(W, size)
     factors = lu(W)
     if refuses and not factors.even(thresholds.DEPENDENT**2):
