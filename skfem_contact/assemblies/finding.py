@@ -260,13 +260,14 @@ def find_contacts(
     length = number(within, "within", "give the largest gap of a pair, in units of the mesh")
     if not 0 < length < np.inf:
         raise InputError(f"within = {within} has to be a length > 0: the largest gap of a pair")
-    bounds = Boundaries.of(list(system.solids.values()))
+    bounds = Boundaries(list(system.solids.values()))
     pairs, missed = drafts(bounds, look(bounds, length), length)
     found = []
     for draft, name in zip(pairs, names_of(pairs), strict=True):
         first, why = draft.secondary()
-        glued = tied(*draft.bodies) if callable(tied) else tied
-        law = friction(*draft.bodies) if callable(friction) else friction
+        both = [side.name for side in draft.sides]
+        glued = tied(*both) if callable(tied) else tied
+        law = friction(*both) if callable(friction) else friction
         surfaces = [side.surface() for side in draft.sides]
         contact = Contact(
             surfaces[first], surfaces[1 - first],
