@@ -22,7 +22,7 @@ ABAQUS Analysis User's Guide, Prescribed assembly loads: a section by nodes and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from itertools import combinations
 from typing import Any
 
@@ -53,6 +53,9 @@ from skfem_contact.sealed import sealed
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+#: Shift and force of each bolt, by name.
+ByBolt = dict[str, tuple[float, float]]
 
 
 @with_known_keywords(
@@ -279,15 +282,19 @@ class Bolts:
         self.bolts, self.names = tuple(bolts), names
         self._body = [system.index(bolt.body) for bolt in bolts]
         self._span = [system.slice(bolt.body) for bolt in bolts]
+        rows = []
+        for bolt, i, span in zip(bolts, self._body, self._span, strict=True):
+            K, motion = stiffness[i], np.column_stack([bolt.slide, bolt.motions])
+            forces = np.asarray(K @ motion)
+            # but next to the section: products with round-off elsewhere would have no zeros
+            forces[np.abs(forces) < COMPUTED * (abs(K) @ np.abs(motion))] = 0.0
+            own = csr_matrix(np.column_stack([bolt.slide, forces]).T)
+            placed = own.data, own.indices + span.start, own.indptr
+            rows.append(csr_matrix(placed, shape=(own.shape[0], system.n)))
         none = csr_matrix((0, system.n))
-        rows = [
-            _rows(_forces(stiffness[i], np.column_stack([bolt.slide, bolt.motions])), span, system.n)
-            for bolt, i, span in zip(bolts, self._body, self._span, strict=True)
-        ]
-        slides = [_rows(b.slide[:, None], s, system.n) for b, s in zip(bolts, self._span, strict=True)]
-        self.pulls = vstack([none, *(some[:1] for some in rows)], format="csr")
-        self.slides = vstack([none, *slides], format="csr")
-        self._resisted = [some[1:] for some in rows]
+        self.slides = vstack([none, *(some[:1] for some in rows)], format="csr")
+        self.pulls = vstack([none, *(some[1:2] for some in rows)], format="csr")
+        self._resisted = [some[2:] for some in rows]
         shared = (self.pulls @ self.slides.T).toarray()
         self.k = np.diagonal(shared).copy()
         for j, i in combinations(range(len(names)), 2):
@@ -304,10 +311,7 @@ class Bolts:
         return copied(case, f=f, bolts=BoltLoads(shift, force, case.applied, kept))
 
     def step(
-        self,
-        before: LoadCase,
-        target: LoadCase,
-        known: Callable[[], Mapping[str, tuple[float, float]]],
+        self, before: LoadCase, target: LoadCase, known: Callable[[], ByBolt]
     ) -> tuple[LoadCase, LoadCase]:
         """The loads before and after a step, `known` telling shift and force of bolts before it.
 
@@ -334,7 +338,7 @@ class Bolts:
             changed[i] = changed.get(i, stiffness[i]) + csr_matrix(p.T @ p) * (-1.0 / self.k[b])
         return changed
 
-    def found(self, case: LoadCase, u: Array) -> dict[str, tuple[float, float]]:
+    def found(self, case: LoadCase, u: Array) -> ByBolt:
         """Shift and force of each bolt from all displacements, (n,)."""
         held, pulled = case.bolts, self.pulls @ u
         assert held is not None
@@ -342,11 +346,11 @@ class Bolts:
         both = zip(shift.tolist(), (pulled + self.k * shift).tolist(), strict=True)
         return dict(zip(self.names, both, strict=True))
 
-    def stretched(self, u: Array, known: dict[str, tuple[float, float]]) -> Array:
+    def stretched(self, u: Array, known: ByBolt) -> Array:
         """All displacements (n,) that have the strains of bodies: with the bolts drawn together."""
         return np.asarray(u + self.slides.T @ np.array([known[name][0] for name in self.names]))
 
-    def values(self, u: Array, known: dict[str, tuple[float, float]]) -> dict[str, BoltValues]:
+    def values(self, u: Array, known: ByBolt) -> dict[str, BoltValues]:
         """Return what each bolt carries, from all displacements (n,)."""
         out, drawn = {}, self.stretched(u, known)
         for name, bolt, rows in zip(self.names, self.bolts, self._resisted, strict=True):
@@ -361,22 +365,6 @@ class Bolts:
             bending = float(np.linalg.norm(moment - torsion * axis if d == 3 else moment))
             out[name] = BoltValues(name, force, shift, sealed(across), bending, torsion)
         return out
-
-
-def _forces(K: Any, motion: Array) -> Array:
-    """``K`` times motions: zero but in the layer of elements next to the section.
-
-    The round-off elsewhere would make products of these forces matrices without a zero.
-    """
-    forces = np.asarray(K @ motion)
-    forces[np.abs(forces) < COMPUTED * (abs(K) @ np.abs(motion))] = 0.0
-    return forces
-
-
-def _rows(columns: Array, span: slice, n: int) -> csr_matrix:
-    """Columns over the DOFs of a body as rows over those of all."""
-    own = csr_matrix(columns.T)
-    return csr_matrix((own.data, own.indices + span.start, own.indptr), shape=(len(columns.T), n))
 
 
 def bolted(system: System, bolts: Any) -> tuple[System, tuple[Bolt, ...], tuple[str, ...]]:

@@ -32,12 +32,9 @@ from skfem_contact.errors import InputError
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-#: Elements by what meshio calls their cells, and by the dimension and the corners of all cells.
+#: Elements by what meshio calls their cells, and the dimension of all cells.
 ELEMENTS = {cell: element for element, cell in SUPPORTED.items()}
-CORNERS = {
-    "line": (1, 2), "triangle": (2, 3), "quad": (2, 4), "tetra": (3, 4), "hexahedron": (3, 8),
-    "wedge": (3, 6), "pyramid": (3, 5),
-}  # fmt: skip
+DIMS = {"line": 1, "triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3, "wedge": 3, "pyramid": 3}
 #: Where formats keep one number for each cell that says which group it is in.
 TAGS = ("gmsh:physical", "cell_tags", "medit:ref", "nastran:ref", "su2:tag", "flac3d:group")
 #: What is meshed, or read, by Gmsh.
@@ -136,10 +133,10 @@ def read_bodies(
             raise InputError(f"settings of {name!r}: no such body{suggest(name, chosen, 'bodies')}")
     made = []
     for name, parts in chosen.items():
-        one, kind = groups.mesh(name, parts)
+        one, element = groups.mesh(name, parts)
         given = dict(_by_name(known, name) or {})
         one = one.with_boundaries(given.pop("boundaries", {}))
-        basis = deferred_basis(one, skfem.ElementVector(ELEMENTS[kind]()), None, f"body {name!r}")
+        basis = deferred_basis(one, skfem.ElementVector(element), None, f"body {name!r}")
         made.append(Body(basis, _stiffness(material, name, basis), name=name, **given))
     return Named(made, list(chosen), "bodies")
 
@@ -189,9 +186,8 @@ class Groups:
     points : ndarray, shape (n, 3)
     kinds : ndarray of str, shape (cells,)
         What meshio calls each.
-    shapes : ndarray of int, shape (cells, 3)
-        Their dimension, and how many corners and nodes they have. Points, and what is unknown, are of
-        none.
+    dims : ndarray of int, shape (cells,)
+        Their dimension; points, and what is unknown, have none.
     nodes : ndarray of int, shape (cells, k)
         The last one again where there are fewer than k.
     named : dict
@@ -203,23 +199,19 @@ class Groups:
     def __init__(self, mesh: meshio.Mesh, file: Path) -> None:
         blocks = mesh.cells or [meshio.CellBlock("vertex", np.zeros((0, 1), dtype=int))]
         cells, sizes = [np.asarray(block.data, dtype=np.intp) for block in blocks], [*map(len, blocks)]
-        plain = [CORNERS.get(block.type.rstrip("0123456789"), (0, 1)) for block in blocks]
-        shapes = [(*known, c.shape[1]) for known, c in zip(plain, cells, strict=True)]
-        widest = max(shape[-1] for shape in shapes)
+        widest = max(some.shape[1] for some in cells)
         pads = [np.pad(c, ((0, 0), (0, widest - c.shape[1])), mode="edge") for c in cells]
         self.file, self.points, self.sets = file, mesh.points, mesh.point_sets
         self.kinds = np.repeat([block.type for block in blocks], sizes)
-        self.shapes, self.nodes = np.repeat(shapes, sizes, axis=0), np.concatenate(pads)
-        self.dim = int(self.shapes[:, 0].max(initial=0))
+        self.dims = np.repeat([DIMS.get(b.type.rstrip("0123456789"), 0) for b in blocks], sizes)
+        self.nodes, self.dim = np.concatenate(pads), int(self.dims.max(initial=0))
         self.named: dict[str, Index] = {}
         starts = np.cumsum([0, *sizes])
         for name, found in mesh.cell_sets.items():
             if not name.startswith(("gmsh:", "_")):  # what programs need for themselves
                 # blocks that came later, of .inp, are not in it
-                both = zip(starts, found, strict=False)
-                parts = [
-                    i + np.asarray(part, dtype=np.intp).ravel() for i, part in both if part is not None
-                ]
+                own = [(i, part) for i, part in zip(starts, found, strict=False) if part is not None]
+                parts = [i + np.asarray(part, dtype=np.intp).ravel() for i, part in own]
                 self.named[name] = np.concatenate([starts[:0], *parts])
         for key in filter(mesh.cell_data.__contains__, TAGS):
             self.named = {**self._tagged(mesh, key), **self.named}
@@ -227,7 +219,7 @@ class Groups:
     def _tagged(self, mesh: meshio.Mesh, key: str) -> dict[str, Index]:
         """Groups from one number for each cell, by the names that formats keep elsewhere."""
         families = getattr(mesh, "cell_tags", {})  # of .med: several names for each number
-        both = np.array([self.shapes[:, 0], np.concatenate([*map(np.ravel, mesh.cell_data[key])])]).T
+        both = np.array([self.dims, np.concatenate([*map(np.ravel, mesh.cell_data[key])])]).T
         found: dict[str, Index] = {}
         kinds = np.unique(both[both.all(axis=1)], axis=0).astype(int)
         # .med: -1, -2
@@ -241,14 +233,13 @@ class Groups:
     def of_dim(self, name: str, dim: int) -> Index:
         """Cells of a group that have a dimension."""
         cells = self.named[name]
-        return cells[self.shapes[cells, 0] == dim]
+        return cells[self.dims[cells] == dim]
 
     def bodies(self, wanted: Mapping[str, str | Sequence[str]] | None) -> dict[str, dict[str, Index]]:
         """Cells of each body, by subdomain."""
         if self.dim < 2:
             raise InputError(f"{self.file}: there are no cells of two or three dimensions in it")
-        there = {name: self.of_dim(name, self.dim) for name in self.named}
-        there = {name: cells for name, cells in there.items() if len(cells)}
+        there = {n: cells for n in self.named if len(cells := self.of_dim(n, self.dim))}
         chosen: dict[str, dict[str, Index]] = {}
         if wanted is not None:
             check_kind(wanted, Mapping, "bodies", "give {'body': ['tag', ...]}", "dict")
@@ -281,15 +272,15 @@ class Groups:
             taken[there[name]] = len(chosen)
         found = {name: chosen[name] for name in order if name in chosen}
         # cells without a tag: every connected part of them is a body
-        rest = np.flatnonzero((taken == 0) & (self.shapes[:, 0] == self.dim))
+        rest = np.flatnonzero((taken == 0) & (self.dims == self.dim))
         part = pieces(self.nodes[rest].T, len(self.points))[self.nodes[rest, 0]]
         for k in np.unique(part):
             name = f"body {len(found) + 1}"
             found[name] = {name: rest[part == k]}
         return found
 
-    def mesh(self, name: str, parts: dict[str, Index]) -> tuple[skfem.Mesh, str]:
-        """The mesh of a body with its subdomains and boundaries by name, and what its cells are."""
+    def mesh(self, name: str, parts: dict[str, Index]) -> tuple[skfem.Mesh, skfem.Element]:
+        """The mesh of a body with its subdomains and boundaries by name, and its element."""
         chosen = np.concatenate(list(parts.values()))
         kinds = np.unique(self.kinds[chosen]).tolist()
         if len(kinds) > 1 or kinds[0] not in ELEMENTS:
@@ -297,9 +288,9 @@ class Groups:
                 f"{self.file}: body {name!r} has cells {', '.join(kinds)}; a body has cells of one "
                 f"kind, of {', '.join(ELEMENTS)}. Mesh it anew, or tie several bodies"
             )
-        _, ends, width = self.shapes[chosen[0]]
-        cells = self.nodes[chosen, :width]
-        corners = np.unique(cells[:, :ends])
+        element = ELEMENTS[kinds[0]]
+        cells = self.nodes[chosen, : len(element.doflocs)]
+        corners = np.unique(cells[:, : element.refdom.nnodes])
         nodes = np.concatenate([corners, np.setdiff1d(cells, corners)])  # as scikit-fem numbers them
         local = np.full(len(self.points), -1)
         local[nodes] = np.arange(len(nodes))
@@ -310,23 +301,20 @@ class Groups:
         if len(parts) > 1:
             places = np.split(np.arange(len(chosen)), np.cumsum([*map(len, parts.values())])[:-1])
             mesh = mesh.with_subdomains(dict(zip(parts, places, strict=True)))
-        found = self._boundaries(mesh, local, len(corners))
-        return mesh.with_boundaries(found) if found else mesh, kinds[0]
-
-    def _boundaries(self, mesh: skfem.Mesh, local: Index, corners: int) -> dict[str, Index]:
-        """Facets of the boundary of a mesh by the names of groups of facets, and of sets of nodes."""
+        # groups of facets, and sets of nodes, by name
         numbers = mesh.boundary_facets()
         facets = np.sort(mesh.facets[:, numbers], axis=0).T
         found: dict[str, Any] = {}
-        for name in self.named:
-            cells = self.of_dim(name, self.dim - 1)
+        for tag in self.named:
+            cells = self.of_dim(tag, self.dim - 1)
             mine = np.sort(local[self.nodes[cells, : facets.shape[1]]], axis=1)
             _, key = np.unique(np.concatenate([facets, mine]), axis=0, return_inverse=True)
-            found[name] = numbers[np.isin(key.ravel()[: len(facets)], key.ravel()[len(facets) :])]
-        for name, nodes in self.sets.items():
-            inside = np.isin(np.arange(corners), local[np.asarray(nodes, dtype=np.intp).ravel()])
-            found.setdefault(name, numbers[inside[facets].all(axis=1)])
-        return {name: some.astype(np.int32) for name, some in found.items() if len(some)}
+            found[tag] = numbers[np.isin(key.ravel()[: len(facets)], key.ravel()[len(facets) :])]
+        for tag, members in self.sets.items():
+            inside = np.isin(np.arange(len(corners)), local[np.asarray(members, dtype=np.intp).ravel()])
+            found.setdefault(tag, numbers[inside[facets].all(axis=1)])
+        found = {name: some.astype(np.int32) for name, some in found.items() if len(some)}
+        return mesh.with_boundaries(found), element()
 
 
 def completed(points: Array, kind: str, cells: Index) -> tuple[Array, str, Index]:
