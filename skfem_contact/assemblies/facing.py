@@ -251,18 +251,17 @@ def _seen(bounds: Boundaries, sights: Sights, pieces: Pieces, reach: float) -> V
     item, piece, distance, bulge, facing = (np.concatenate(c) for c in zip(*found, strict=True))
     mine, other = sights.of[item], pieces.of[piece]
     partner = (facing > OPPOSITE) & (bounds.piece[mine] != bounds.piece[other])
-    views = []
-    for ahead in (distance >= -scale, distance <= scale):
-        some = np.flatnonzero(ahead)
-        # of what is equally near a partner comes first
-        far = np.where(np.abs(distance[some]) <= scale, 0.0, np.abs(distance[some]))
-        order = some[np.lexsort((~partner[some], far, item[some]))]
-        first = order[np.append(True, np.diff(item[order]) > 0)[: len(order)]]
-        views.append(first[partner[first]])
+    far = np.where(np.abs(distance) <= scale, 0.0, np.abs(distance))
+
+    def nearest(some: Index, *keys: Array) -> Index:
+        order = some[np.lexsort((*(key[some] for key in keys), item[some]))]
+        return np.asarray(order[np.append(True, np.diff(item[order]) > 0)[: len(order)]])
+
+    # of what is equally near a partner comes first
+    ways = distance >= -scale, distance <= scale
+    ends = np.concatenate([nearest(np.flatnonzero(way), ~partner, far) for way in ways])
     # outward and inward: the nearer one
-    both = np.concatenate(views)
-    order = both[np.lexsort((np.abs(distance[both]), item[both]))]
-    best = order[np.append(True, np.diff(item[order]) > 0)[: len(order)]]
+    best = nearest(ends[partner[ends]], np.abs(distance))
     own = sights.bulge[item[best]]
     slack = UNSURE * (np.abs(own) + np.abs(bulge[best])) + scale
     return Views(mine[best], other[best], distance[best] - own - bulge[best], slack)

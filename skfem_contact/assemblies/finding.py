@@ -29,7 +29,6 @@ from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.records import dataclass
 
 Mask = NDArray[np.bool_]
-REMARKS = ("sliver", "uncertain", "matching meshes")
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +121,7 @@ class FoundContacts(Table[Contact]):
         chosen = np.zeros(len(self), dtype=bool)
         for one in which:
             mine = np.array([_means(one, pair) for pair in self.found], dtype=bool)
-            if not (mine.any() or callable(one) or one in REMARKS):
+            if not (mine.any() or callable(one) or one in ("sliver", "uncertain", "matching meshes")):
                 self.index_of(one)  # says which names there are
             chosen |= mine
         return chosen
