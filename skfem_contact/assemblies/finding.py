@@ -270,6 +270,6 @@ def find_contacts(
         gap = tuple(float(f(draft.gaps)) for f in (np.min, np.median, np.max))
         area = min(side.area for side in draft.sides)
         found.append(FoundContact(contact, gap, area, why, draft.remark))
-    words = "is rigid: write Contact(surface, {0!r}) for what it touches"
-    rigid = [f"{n!r} {words.format(n)}" for n in system.names if n not in system.solids]
-    return FoundContacts(found, [*rigid, *strange_bodies(bounds, NEARLY * length), *missed])
+    rigid = [name for name in system.names if name not in system.solids]
+    told = [f"{n!r} is rigid: write Contact(surface, {n!r}) for what it touches" for n in rigid]
+    return FoundContacts(found, [*told, *strange_bodies(bounds, NEARLY * length), *missed])
