@@ -161,8 +161,7 @@ class Bolt(NamesAttributes):
         Shape (n_body, k), of unit size per length and angle; of axisymmetric bodies the one along y.
         """
         body, d = self.body, self.body.dim
-        component = body.dof_component
-        shifts = np.eye(d)[component] * self.beyond[:, None]
+        shifts = np.eye(d)[body.dof_component] * self.beyond[:, None]
         if body.axisymmetric:
             return shifts[:, 1:]
         arm = body.dof_points - self.point
@@ -179,8 +178,7 @@ class Bolt(NamesAttributes):
 def _beyond(body: Body, point: Array, axis: Array, whose: str) -> Mask:
     """DOFs of the nodes beyond the section alone, (n_body,)."""
     mesh, elements = body.basis.mesh, body.basis.dofs.element_dofs
-    middle = mesh.p[:, mesh.t].mean(axis=1)
-    upper = axis @ (middle - point[:, None]) > 0
+    upper = axis @ (mesh.p[:, mesh.t].mean(axis=1) - point[:, None]) > 0
     inner = np.flatnonzero(mesh.f2t[1] >= 0)
     a, b = mesh.f2t[:, inner]
     cut = inner[upper[a] != upper[b]]
@@ -203,8 +201,7 @@ def _beyond(body: Body, point: Array, axis: Array, whose: str) -> Mask:
             "Usually it is that of another bolt, or of another unit; give one within the shank."
         )
     # sides of elements join them, but those of the section; DOFs of facets would leave corners out
-    joined = np.setdiff1d(inner, cut)
-    side = pieces(mesh.f2t[:, joined], mesh.t.shape[1])
+    side = pieces(mesh.f2t[:, np.setdiff1d(inner, cut)], mesh.t.shape[1])
     a, b = mesh.f2t[:, cut]
     above, below = side[np.where(upper[a], a, b)], side[np.where(upper[a], b, a)]
     if np.intersect1d(above, below).size:
