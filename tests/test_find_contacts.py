@@ -129,6 +129,17 @@ def test_a_gap_may_be_wider_than_many_facets():
     assert pair.gap == pytest.approx((0.9, 0.9, 0.9)) and pair.area == pytest.approx(4.0)
 
 
+def test_a_side_ends_where_the_boundary_that_names_it_ends():
+    """A block on a seat of a plate: the facets next to it are smooth, and not of the seat."""
+    plate = box("plate", (0, 0), (8, 1), (8, 1))
+    whole = sc.find_contacts([plate, box("block", (2, 1), (6, 2), (8, 2))], within=0.01)
+    assert whole[0].primary.area.sum() == pytest.approx(6.0)  # a facet more at both ends
+    mesh = plate.basis.mesh.with_boundaries({"seat": lambda x: (x[1] == 1) & (abs(x[0] - 4) < 2)})
+    seated = sc.Body.from_mesh(mesh, fem.ElementVector(fem.ElementQuad1()), STEEL, name="plate")
+    pair = sc.find_contacts([seated, box("block", (2, 1), (6, 2), (8, 2))], within=0.01)[0]
+    assert pair.primary.label == "plate/seat" and pair.primary.area.sum() == pytest.approx(4.0)
+
+
 def test_edges_beside_each_other_are_no_pair():
     """Plates beside each other on one level touch along a side only; at an edge they do not."""
     one, beside = (

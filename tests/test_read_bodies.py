@@ -274,3 +274,14 @@ def test_geometry_is_meshed_by_gmsh(tmp_path):
     volumes = [one.assemble(body.basis) for body in bodies]
     np.testing.assert_allclose(volumes, [np.pi, 4 * np.pi], rtol=2e-3)
     assert sc.find_contacts(bodies, within=0.01).names == ("body 1 - body 2",)
+    # Gmsh is left as it was found
+    assert not gmsh.isInitialized()
+    gmsh.initialize(interruptible=False)
+    try:
+        for name in ("other", "mine"):
+            gmsh.model.add(name)
+        gmsh.model.setCurrent("other")
+        sc.read_bodies(tmp_path / "two.step", STEEL, size=1.0)
+        assert gmsh.isInitialized() and gmsh.model.getCurrent() == "other"
+    finally:
+        gmsh.finalize()

@@ -238,7 +238,7 @@ class Answer:
         u, known = self.displacement(body), self.tightness
         if self.bolts is None or not known:
             return u
-        return self.bolts.stretched(self.system.index(body), u, known)
+        return self.bolts.stretched(self.u, known)[self.system.slice(body)]
 
     def slices(self) -> list[slice]:
         """The points of each contact in the joint numbering."""

@@ -22,12 +22,13 @@ ABAQUS Analysis User's Guide, Prescribed assembly loads: a section by nodes and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.arguments import (
     NamesAttributes,
@@ -52,6 +53,9 @@ from skfem_contact.sealed import sealed
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+#: Shift and force of each bolt, by name.
+ByBolt = dict[str, tuple[float, float]]
 
 
 @with_known_keywords(
@@ -134,20 +138,17 @@ class Bolt(NamesAttributes):
                 "the shank a sc.Body, or move the end of the bolt by prescribed displacements"
             )
         d = body.dim
-        place, way = (
-            numbers(value, f"{what} of {whose}", f"give {d} coordinates")
-            for value, what in ((point, "point"), (axis, "axis"))
-        )
-        for value, what in ((place, "point"), (way, "axis")):
-            if value.shape != (d,) or not np.isfinite(value).all():
-                raise InputError(f"{what} of {whose} is {shown(value)}; give {d} finite coordinates")
-        length = np.linalg.norm(way)
+        for what, value in (("point", point), ("axis", axis)):
+            array = numbers(value, f"{what} of {whose}", f"give {d} coordinates")
+            if array.shape != (d,) or not np.isfinite(array).all():
+                raise InputError(f"{what} of {whose} is {shown(array)}; give {d} finite coordinates")
+            vars(self)[what] = sealed(array)
+        way, length = self.axis, np.linalg.norm(self.axis)
         if length == 0 or (body.axisymmetric and way[0] != 0):
             along = "(0, 1), as the body is axisymmetric" if body.axisymmetric else "a direction"
             raise InputError(f"axis of {whose} is {shown(way)}; give {along}")
-        way = way / length
-        vars(self).update(body=body, point=sealed(place), axis=sealed(way), name=name)
-        vars(self)["beyond"] = sealed(_beyond(body, place, way, whose))
+        vars(self).update(body=body, axis=sealed(way / length), name=name)
+        vars(self)["beyond"] = sealed(_beyond(body, self.point, self.axis, whose))
 
     def __repr__(self) -> str:
         whose = self.body.name or "(no name)"
@@ -160,8 +161,7 @@ class Bolt(NamesAttributes):
         Shape (n_body, k), of unit size per length and angle; of axisymmetric bodies the one along y.
         """
         body, d = self.body, self.body.dim
-        component = body.dof_component
-        shifts = np.eye(d)[component] * self.beyond[:, None]
+        shifts = np.eye(d)[body.dof_component] * self.beyond[:, None]
         if body.axisymmetric:
             return shifts[:, 1:]
         arm = body.dof_points - self.point
@@ -178,8 +178,7 @@ class Bolt(NamesAttributes):
 def _beyond(body: Body, point: Array, axis: Array, whose: str) -> Mask:
     """DOFs of the nodes beyond the section alone, (n_body,)."""
     mesh, elements = body.basis.mesh, body.basis.dofs.element_dofs
-    middle = mesh.p[:, mesh.t].mean(axis=1)
-    upper = axis @ (middle - point[:, None]) > 0
+    upper = axis @ (mesh.p[:, mesh.t].mean(axis=1) - point[:, None]) > 0
     inner = np.flatnonzero(mesh.f2t[1] >= 0)
     a, b = mesh.f2t[:, inner]
     cut = inner[upper[a] != upper[b]]
@@ -202,10 +201,9 @@ def _beyond(body: Body, point: Array, axis: Array, whose: str) -> Mask:
             "Usually it is that of another bolt, or of another unit; give one within the shank."
         )
     # sides of elements join them, but those of the section; DOFs of facets would leave corners out
-    joined = np.setdiff1d(inner, cut)
-    side = pieces(mesh.f2t[:, joined], mesh.t.shape[1])
+    side = pieces(mesh.f2t[:, np.setdiff1d(inner, cut)], mesh.t.shape[1])
     a, b = mesh.f2t[:, cut]
-    above, below = np.unique(side[np.where(upper[a], a, b)]), np.unique(side[np.where(upper[a], b, a)])
+    above, below = side[np.where(upper[a], a, b)], side[np.where(upper[a], b, a)]
     if np.intersect1d(above, below).size:
         raise InputError(
             f"the section of {whose} at {written(point)} does not cut {body!r} in two: its sides are "
@@ -252,10 +250,8 @@ class BoltValues(NamesAttributes):
     torsion: float
 
     def __str__(self) -> str:
-        return (
-            f"{self.name}: force {self.force:.6g}, stretch {self.stretch:.6g}, "
-            f"bending {self.bending:.3g}"
-        )
+        carried = f"force {self.force:.6g}, stretch {self.stretch:.6g}, bending {self.bending:.3g}"
+        return f"{self.name}: {carried}"
 
 
 class Bolts:
@@ -271,8 +267,8 @@ class Bolts:
 
     Attributes
     ----------
-    pushed : list of ndarray, shape (n_body,)
-        ``K m`` of each bolt [force/length].
+    pulls, slides : csr_matrix, shape (b, n)
+        ``m' K``, the forces in the bolts by the displacements of all bodies [force/length], and ``m'``.
     k : ndarray, shape (b,)
         ``m' K m`` [force/length].
     """
@@ -281,54 +277,38 @@ class Bolts:
         self, bolts: Sequence[Bolt], names: tuple[str, ...], system: System, stiffness: Sequence[Any]
     ) -> None:
         self.bolts, self.names = tuple(bolts), names
-        self._body, self._n = [system.index(bolt.body) for bolt in bolts], system.n
+        self._body = [system.index(bolt.body) for bolt in bolts]
         self._span = [system.slice(bolt.body) for bolt in bolts]
-        own = [stiffness[i] for i in self._body]
-        self.pushed = [_forces(K, bolt.slide) for bolt, K in zip(bolts, own, strict=True)]
-        self.k = np.array([p @ bolt.slide for p, bolt in zip(self.pushed, bolts, strict=True)])
-        self._resisted = [
-            csr_matrix(_forces(K, bolt.motions).T) for bolt, K in zip(bolts, own, strict=True)
-        ]
-        for i, bolt in enumerate(bolts):
-            for j in range(i):
-                if (
-                    self._body[i] == self._body[j]
-                    and abs(self.pushed[j] @ bolt.slide) > SOLVED * self.k[i]
-                ):
-                    raise InputError(
-                        f"the sections of bolts {names[j]!r} and {names[i]!r} share elements: move "
-                        "one of them along its axis by a few elements"
-                    )
-
-    @property
-    def pulls(self) -> csr_matrix:
-        """Forces in the bolts by the displacements of all bodies, ``m' K``, (b, n)."""
-        return self._rows(self.pushed)
-
-    @property
-    def slides(self) -> csr_matrix:
-        """All bodies moved by one beyond each section, ``m'``, (b, n)."""
-        return self._rows([bolt.slide for bolt in self.bolts])
-
-    def _rows(self, parts: Sequence[Array]) -> csr_matrix:
-        out = np.zeros((len(parts), self._n))
-        for row, span, own in zip(out, self._span, parts, strict=True):
-            row[span] = own
-        return csr_matrix(out)
+        rows = []
+        for bolt, i, span in zip(bolts, self._body, self._span, strict=True):
+            K, motion = stiffness[i], np.column_stack([bolt.slide, bolt.motions])
+            forces = np.asarray(K @ motion)
+            # but next to the section: products with round-off elsewhere would have no zeros
+            forces[np.abs(forces) < COMPUTED * (abs(K) @ np.abs(motion))] = 0.0
+            own = csr_matrix(np.column_stack([bolt.slide, forces]).T)
+            placed = own.data, own.indices + span.start, own.indptr
+            rows.append(csr_matrix(placed, shape=(own.shape[0], system.n)))
+        none = csr_matrix((0, system.n))
+        self.slides = vstack([none, *(some[:1] for some in rows)], format="csr")
+        self.pulls = vstack([none, *(some[1:2] for some in rows)], format="csr")
+        self._resisted = [some[2:] for some in rows]
+        shared = (self.pulls @ self.slides.T).toarray()
+        self.k = np.diagonal(shared).copy()
+        for j, i in combinations(range(len(names)), 2):
+            if abs(shared[j, i]) > SOLVED * self.k[i]:
+                raise InputError(
+                    f"the sections of bolts {names[j]!r} and {names[i]!r} share elements: move one of "
+                    "them along its axis by a few elements"
+                )
 
     def posed(self, case: LoadCase, shift: Array, force: Array, kept: Mask | None = None) -> LoadCase:
         """A load case with shifts, or forces where these are not NaN, in its load."""
-        f = np.array(case.applied)
         drawn = np.where(np.isnan(force), shift, force / self.k)
-        for span, pushed, amount in zip(self._span, self.pushed, drawn, strict=True):
-            f[span] -= amount * pushed
+        f = case.applied - self.pulls.T @ drawn
         return copied(case, f=f, bolts=BoltLoads(shift, force, case.applied, kept))
 
     def step(
-        self,
-        before: LoadCase,
-        target: LoadCase,
-        known: Callable[[], Mapping[str, tuple[float, float]]],
+        self, before: LoadCase, target: LoadCase, known: Callable[[], ByBolt]
     ) -> tuple[LoadCase, LoadCase]:
         """The loads before and after a step, `known` telling shift and force of bolts before it.
 
@@ -351,55 +331,37 @@ class Bolts:
         """The stiffness of the bodies whose bolts have a given force, by their number."""
         changed: dict[int, Any] = {}
         for b in np.flatnonzero(given):
-            i, p = self._body[b], csr_matrix(self.pushed[b])
+            i, p = self._body[b], self.pulls[b, self._span[b]]
             changed[i] = changed.get(i, stiffness[i]) + csr_matrix(p.T @ p) * (-1.0 / self.k[b])
         return changed
 
-    def found(self, case: LoadCase, u: Array) -> dict[str, tuple[float, float]]:
+    def found(self, case: LoadCase, u: Array) -> ByBolt:
         """Shift and force of each bolt from all displacements, (n,)."""
-        out = {}
-        held = case.bolts
+        held, pulled = case.bolts, self.pulls @ u
         assert held is not None
-        for b, name in enumerate(self.names):
-            pulled, force = float(self.pushed[b] @ u[self._span[b]]), float(held.force[b])
-            shift = float(held.shift[b]) if np.isnan(force) else (force - pulled) / self.k[b]
-            out[name] = float(shift), pulled + float(self.k[b]) * float(shift)
-        return out
+        shift = np.where(held.given, (held.force - pulled) / self.k, held.shift)
+        both = zip(shift.tolist(), (pulled + self.k * shift).tolist(), strict=True)
+        return dict(zip(self.names, both, strict=True))
 
-    def stretched(self, body: int, u: Array, known: dict[str, tuple[float, float]]) -> Array:
-        """Displacements (n_body,) that have the strains of a body: with its bolts drawn together."""
-        for b, name in enumerate(self.names):
-            if self._body[b] == body:
-                u = u + known[name][0] * self.bolts[b].slide
-        return u
+    def stretched(self, u: Array, known: ByBolt) -> Array:
+        """All displacements (n,) that have the strains of bodies: with the bolts drawn together."""
+        return np.asarray(u + self.slides.T @ np.array([known[name][0] for name in self.names]))
 
-    def values(self, u: Array, known: dict[str, tuple[float, float]]) -> dict[str, BoltValues]:
+    def values(self, u: Array, known: ByBolt) -> dict[str, BoltValues]:
         """Return what each bolt carries, from all displacements (n,)."""
-        out = {}
-        for b, (name, bolt) in enumerate(zip(self.names, self.bolts, strict=True)):
-            shift, force = known[name]
-            drawn = self.stretched(self._body[b], u[self._span[b]], known)
-            load, terms = self._resisted[b] @ drawn, abs(self._resisted[b]) @ np.abs(drawn)
-            load[np.abs(load) < COMPUTED * terms] = 0.0
-            d, axis = bolt.body.dim, bolt.axis
+        out, drawn = {}, self.stretched(u, known)
+        for name, bolt, rows in zip(self.names, self.bolts, self._resisted, strict=True):
+            d, axis, (shift, force) = bolt.body.dim, bolt.axis, known[name]
             if bolt.body.axisymmetric:
                 out[name] = BoltValues(name, force, shift, np.zeros(d), np.nan, 0.0)
                 continue
+            load = rows @ drawn
+            load[np.abs(load) < COMPUTED * (abs(rows) @ np.abs(drawn))] = 0.0
             across, moment = load[:d] - axis * (axis @ load[:d]), load[d:]
             torsion = float(axis @ moment) if d == 3 else 0.0
             bending = float(np.linalg.norm(moment - torsion * axis if d == 3 else moment))
             out[name] = BoltValues(name, force, shift, sealed(across), bending, torsion)
         return out
-
-
-def _forces(K: Any, motion: Array) -> Array:
-    """``K`` times motions: zero but in the layer of elements next to the section.
-
-    The round-off elsewhere would make products of these forces matrices without a zero.
-    """
-    forces = np.asarray(K @ motion)
-    forces[np.abs(forces) < COMPUTED * (abs(K) @ np.abs(motion))] = 0.0
-    return forces
 
 
 def bolted(system: System, bolts: Any) -> tuple[System, tuple[Bolt, ...], tuple[str, ...]]:

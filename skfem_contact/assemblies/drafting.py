@@ -23,99 +23,77 @@ from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 
-@dataclass(frozen=True, eq=False)
 class Side:
     """One side of a pair: the facets of a boundary that see the other side, or are seen.
+
+    Parameters
+    ----------
+    bounds : Boundaries
+    facets : ndarray of int
+        By their numbers among all boundaries; all of one patch.
 
     Attributes
     ----------
     whole : ContactSurface
         The boundary of the body.
+    body : Body
     core : ndarray of int
-        Facets of it, by their places in `whole`.
+        The facets, by their places in `whole`.
     patch : ndarray of bool
         All facets of the patch that these belong to.
     on_rim : bool
         Whether all of the core is on the rim of the patch.
+    area, patch_area : float
+        Of the core, and of the whole patch [area].
+    size : float
+        Of a facet in the middle of all by size [length].
+    points : ndarray
+        The nodes of the core.
     """
 
-    whole: ContactSurface
-    core: Index
-    patch: NDArray[np.bool_]
-    on_rim: bool
-
-    @classmethod
-    def of(cls, bounds: Boundaries, facets: Index) -> Side:
-        """The side that some facets make, by their numbers among all boundaries; all of one patch."""
+    def __init__(self, bounds: Boundaries, facets: Index) -> None:
         i = bounds.body[facets[0]]
         first, last = bounds.first[i], bounds.first[i + 1]
-        patch = bounds.patch[first:last] == bounds.patch[facets[0]]
-        return cls(bounds.surfaces[i], facets - first, patch, bool(bounds.rim[facets].all()))
-
-    @property
-    def body(self) -> Body:
-        """Whose side it is."""
-        body = self.whole.body
-        assert isinstance(body, Body)
-        return body
-
-    @property
-    def area(self) -> float:
-        """Of the core [area]."""
-        return float(self.whole.facet_areas[self.core].sum())
-
-    @property
-    def patch_area(self) -> float:
-        """Of the whole patch [area]."""
-        return float(self.whole.facet_areas[self.patch].sum())
-
-    @property
-    def size(self) -> float:
-        """Of a facet in the middle of all by size [length]."""
-        return float(np.median(self.whole.lengths[self.core]))
-
-    @property
-    def points(self) -> Array:
-        """The nodes of the core."""
-        return self.whole.points[np.unique(self.whole.facets[self.core])]
+        whole = self.whole = bounds.surfaces[i]
+        core = self.core = facets - first
+        self.body, self.name = whole.body, whole.body.name or "body 1"
+        self.patch = bounds.patch[first:last] == bounds.patch[facets[0]]
+        self.on_rim = bool(bounds.rim[facets].all())
+        self.area = float(whole.facet_areas[core].sum())
+        self.patch_area = float(whole.facet_areas[self.patch].sum())
+        self.size = float(np.median(whole.lengths[core]))
+        self.points = whole.points[np.unique(whole.facets[core])]
 
     @cached_property
-    def boundary(self) -> tuple[str, NDArray[np.bool_]] | None:
-        """The smallest boundary of the mesh that holds all of the core, and which facets it has."""
-        best: tuple[str, NDArray[np.bool_]] | None = None
+    def within(self) -> tuple[str, Mask]:
+        """The smallest boundary of the mesh that holds all of the core, by its name and facets.
+
+        Where none does it is all facets, and the name is where the middle of the core is.
+        """
+        whole, found = self.whole, []
         for name, numbers in (self.body.basis.mesh.boundaries or {}).items():
-            if name.startswith("gmsh:"):
-                continue
-            there = np.isin(self.whole.mesh_facets, np.asarray(numbers))
-            if there[self.core].all() and (best is None or there.sum() < best[1].sum()):
-                best = name, there
-        return best
-
-    @cached_property
-    def place(self) -> str:
-        """Its boundary, or where the middle of the core is."""
-        named = self.boundary
-        if named is not None:
-            return named[0]
-        area = self.whole.facet_areas[self.core]
-        middle = self.whole.points[self.whole.facets[self.core]].mean(axis=1)
-        centre = area @ middle / area.sum()
-        size = float(np.ptp(self.whole.points, axis=0).max())
-        digits = 3 - int(np.floor(np.log10(size)))  # three of the size of the body
-        return "at " + written(np.round(centre, digits) + 0.0)
+            there = np.isin(whole.mesh_facets, np.asarray(numbers))
+            if there[self.core].all() and not name.startswith("gmsh:"):
+                found.append((name, there))
+        if found:
+            return min(found, key=lambda one: int(one[1].sum()))
+        area = whole.facet_areas[self.core]
+        centre = area @ whole.points[whole.facets[self.core]].mean(axis=1) / area.sum()
+        # three digits of the size of the body
+        digits = 3 - int(np.floor(np.log10(np.ptp(whole.points, axis=0).max())))
+        return "at " + written(np.round(centre, digits) + 0.0), np.full(len(self.patch), True)
 
     def surface(self) -> ContactSurface:
         """The core and the facets next to it on its patch, within the boundary that names it."""
         near = np.zeros(len(self.whole.points), dtype=bool)
         near[self.whole.facets[self.core]] = True
-        there = near[self.whole.facets].any(axis=1) & self.patch
-        named = self.boundary
-        if named is not None:
-            there &= named[1]
+        name, there = self.within
+        there = there & near[self.whole.facets].any(axis=1) & self.patch
         # the whole boundary has been checked
-        return surface_on(self.body, self.whole.mesh_facets[there], self.place)
+        return surface_on(self.body, self.whole.mesh_facets[there], name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,26 +114,16 @@ class Draft:
     uncertain: bool
 
     @property
-    def bodies(self) -> tuple[str, str]:
-        """The names of both bodies."""
-        one, other = (side.body.name or "body 1" for side in self.sides)
-        return one, other
-
-    @property
     def remark(self) -> str:
         """Return what a user should know of it, in a word or two."""
-        if max(side.area / side.patch_area for side in self.sides) < SLIVER and any(
-            side.on_rim for side in self.sides
-        ):
+        covered = max(side.area / side.patch_area for side in self.sides)
+        if covered < SLIVER and any(side.on_rim for side in self.sides):
             return "sliver"
-        return "uncertain" if self.uncertain else "matching meshes" if self.matching else ""
-
-    @property
-    def matching(self) -> bool:
-        """Return whether half of the nodes of one side are nodes of the other, too."""
+        # half of the nodes of one side are nodes of the other, too
         one, other = sorted((side.points for side in self.sides), key=len)
         near = Tree(other).distances(one) <= GIVEN * min(side.size for side in self.sides)
-        return bool(2 * np.count_nonzero(near) > len(one))
+        matching = 2 * np.count_nonzero(near) > len(one)
+        return "uncertain" if self.uncertain else "matching meshes" if matching else ""
 
     def secondary(self) -> tuple[int, str]:
         """Return which side is the better secondary one, and why."""
@@ -165,10 +133,8 @@ class Draft:
             ("softer", _softness(one.body, other.body), 1 / STIFFER),
             ("smaller", one.patch_area / other.patch_area, FINER),
         ):
-            if ratio < least:
-                return 0, why
-            if ratio > 1 / least:
-                return 1, why
+            if not least <= ratio <= 1 / least:
+                return int(ratio > 1), why
         return 0, "first"
 
 
@@ -203,7 +169,7 @@ def drafts(bounds: Boundaries, views: Views, within: float) -> tuple[list[Draft]
         some = rows[near] if near.any() else rows
         ends = np.concatenate([views.facet[some], views.seen[some]])
         ahead = np.concatenate([mine[some] == low[some[0]], other[some] == low[some[0]]])
-        sides = Side.of(bounds, np.unique(ends[ahead])), Side.of(bounds, np.unique(ends[~ahead]))
+        sides = Side(bounds, np.unique(ends[ahead])), Side(bounds, np.unique(ends[~ahead]))
         if near.any():
             scale = COMPUTED * max(float(np.abs(side.whole.points).max()) for side in sides)
             gaps = np.where(np.abs(gap[near]) <= scale, 0.0, gap[near])
@@ -212,7 +178,7 @@ def drafts(bounds: Boundaries, views: Views, within: float) -> tuple[list[Draft]
         least = float(gap[np.argmin(np.abs(gap))])
         if abs(least) > NEARLY * within:
             continue
-        both = " and ".join(f"{side.body.name or 'body 1'}/{side.place}" for side in sides)
+        both = " and ".join(f"{side.name}/{side.within[0]}" for side in sides)
         apart = f"overlap by {-least:.3g}" if least < 0 else f"{least:.3g} apart"
         missed.append(f"{both}: {apart}, within is {within:.3g}")
     found.sort(key=lambda draft: [bounds.surfaces.index(side.whole) for side in draft.sides])
@@ -224,8 +190,8 @@ def names_of(pairs: Sequence[Draft]) -> list[str]:
 
     Which side is secondary has no part in it: that may change with the mesh.
     """
-    names = [" - ".join(pair.bodies) for pair in pairs]
-    places = [[side.place for side in pair.sides] for pair in pairs]
+    names = [" - ".join(side.name for side in pair.sides) for pair in pairs]
+    places = [[side.within[0] for side in pair.sides] for pair in pairs]
     for more in ([p[0] for p in places], [f"to {p[1]}" for p in places], range(len(pairs))):
         count = Counter(names)
         names = [f"{n}, {m}" if count[n] > 1 else n for n, m in zip(names, more, strict=True)]
@@ -234,14 +200,14 @@ def names_of(pairs: Sequence[Draft]) -> list[str]:
 
 def strange_bodies(bounds: Boundaries, within: float) -> list[str]:
     """Sentences on bodies that are there twice, and on those that overlap more than a pair may."""
-    lines, (lower, upper) = [], bounds.boxes
-    for i, j in combinations(range(len(bounds.surfaces)), 2):
-        one, other = bounds.surfaces[i], bounds.surfaces[j]
-        low, high = np.maximum(lower[i], lower[j]), np.minimum(upper[i], upper[j])
+    lines = []
+    for (i, one), (j, other) in combinations(enumerate(bounds.surfaces), 2):
+        low, high = np.maximum(*bounds.low[[i, j]]), np.minimum(*bounds.high[[i, j]])
         if np.any(high - low <= within):
             continue
         both = f"{one.body.name!r} and {other.body.name!r}"
-        if _same(one, other):
+        same = len(one.points) == len(other.points)
+        if same and Tree(one.points).distances(other.points).max() <= GIVEN * one.lengths.min():
             lines.append(f"{both} are the same mesh at the same place: leave one of them out")
             continue
         chords = sum(float(np.abs(bounds.middles.bulge[bounds.body == k]).max()) for k in (i, j))
@@ -250,13 +216,6 @@ def strange_bodies(bounds: Boundaries, within: float) -> list[str]:
         if depth > within + chords:
             lines.append(f"{both} overlap by {depth:.3g} at {written(at)}: check their positions")
     return lines
-
-
-def _same(one: ContactSurface, other: ContactSurface) -> bool:
-    """Return whether two boundaries have the same nodes."""
-    if len(one.points) != len(other.points):
-        return False
-    return bool(Tree(one.points).distances(other.points).max() <= GIVEN * one.lengths.min())
 
 
 def _depth(one: ContactSurface, other: ContactSurface, low: Array, high: Array) -> tuple[float, Array]:

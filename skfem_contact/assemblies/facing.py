@@ -15,9 +15,7 @@ so a shank in a bore of equal radius has no gap, however coarse the two meshes a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
-from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,15 +29,13 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.search import FacetTree, Nodes
 from skfem_contact.pairing.vectors import dot, ragged
-from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 
-@dataclass(frozen=True, eq=False)
-class Sights:
+class Sights(NamedTuple):
     """Places on facets that look along normals.
 
     Attributes
@@ -56,28 +52,7 @@ class Sights:
     bulge: Array
     of: Index
 
-    @classmethod
-    def from_facets(
-        cls, surfaces: Sequence[ContactSurface], numbers: Index, some: list[Index], rim: bool
-    ) -> Sights:
-        """From the middles of some facets of each surface, or from places near their rim.
 
-        `numbers` are those of the first facets of the surfaces.
-        """
-        columns: list[tuple[Array, ...]] = []
-        for surface, facets, first in zip(surfaces, some, numbers, strict=False):
-            at, normal, bulge = _places(surface, facets, rim)
-            of = np.repeat(facets + first, bulge.shape[1])
-            d = surface.dim
-            columns.append((at.reshape(-1, d), normal.reshape(-1, d), bulge.ravel(), of))
-        return cls(*(np.concatenate(column) for column in zip(*columns, strict=True)))
-
-    def some(self, which: Index) -> Sights:
-        """Some of these places."""
-        return Sights(*(part.take(which, axis=0) for part in vars(self).values()))
-
-
-@dataclass(frozen=True, eq=False)
 class Boundaries:
     """The boundaries of all bodies: their facets one after the other, and the patches these make.
 
@@ -85,7 +60,7 @@ class Boundaries:
 
     Attributes
     ----------
-    surfaces : tuple of ContactSurface
+    surfaces : list of ContactSurface
         The whole boundary of each body.
     first : ndarray of int, shape (number of bodies + 1,)
         Numbers of the facets with which they begin.
@@ -93,30 +68,21 @@ class Boundaries:
         Of each facet: the body, the connected part of the mesh, and the patch.
     rim : ndarray of bool, shape (nf,)
         Facets on the rim of their patch.
-    middles : Sights
-        From the middle of each facet.
     lower, upper : ndarray, shape (nf, d)
         Boxes around the nodes of facets.
+    low, high : ndarray, shape (number of bodies, d)
+        Boxes around bodies.
+    middles : Sights
+        From the middle of each facet.
     """
 
-    surfaces: tuple[ContactSurface, ...]
-    first: Index
-    body: Index
-    piece: Index
-    patch: Index
-    rim: Mask
-    middles: Sights
-    lower: Array
-    upper: Array
-
-    @classmethod
-    def of(cls, bodies: Sequence[Body]) -> Boundaries:
-        """Take the boundaries of bodies, and cut them into patches."""
-        surfaces = tuple(body.surface(None, name="boundary") for body in bodies)
-        counts = [len(surface.facets) for surface in surfaces]
-        first = np.concatenate([[0], np.cumsum(counts)])
-        pieces, patches, rims = [], [], []
-        for body, surface in zip(bodies, surfaces, strict=True):
+    def __init__(self, bodies: Sequence[Body]) -> None:
+        self.surfaces = [body.surface(None, name="boundary") for body in bodies]
+        counts = [len(surface.facets) for surface in self.surfaces]
+        self.first = np.concatenate([[0], np.cumsum(counts)])
+        self.body = np.repeat(np.arange(len(counts)), counts)
+        pieces, patches, rims, boxes = [], [], [], []
+        for body, surface in zip(bodies, self.surfaces, strict=True):
             smooth = (surface.twins >= 0) & ~surface.sharp_edges
             joined = np.array([np.nonzero(smooth)[0], surface.neighbours[smooth]])
             patches.append(pieces_of(joined, len(smooth)))
@@ -126,42 +92,58 @@ class Boundaries:
                 piece = pieces_of(mesh.t, mesh.nvertices)[mesh.facets[0, surface.mesh_facets]]
             pieces.append(piece)
             rims.append(~smooth.all(axis=1))
-        return cls(
-            surfaces,
-            first,
-            np.repeat(np.arange(len(surfaces)), counts),
-            _apart(pieces),
-            _apart(patches),
-            np.concatenate(rims),
-            Sights.from_facets(surfaces, first, [*map(np.arange, counts)], rim=False),
-            *(np.concatenate(ends) for ends in zip(*map(_boxes, surfaces), strict=True)),
-        )
+            x = node_positions(surface.points, surface.facets)
+            boxes.append((x.min(axis=1), x.max(axis=1)))
+        self.piece, self.patch, self.rim = _apart(pieces), _apart(patches), np.concatenate(rims)
+        self.lower, self.upper = map(np.concatenate, zip(*boxes, strict=True))
+        self.low = np.minimum.reduceat(self.lower, self.first[:-1])
+        self.high = np.maximum.reduceat(self.upper, self.first[:-1])
+        self.middles = self.sights(self.body >= 0, rim=False)
 
-    @cached_property
-    def boxes(self) -> tuple[Array, Array]:
-        """Around the bodies, lower and upper corners, (number of bodies, d) each."""
-        start = self.first[:-1]
-        return np.minimum.reduceat(self.lower, start), np.maximum.reduceat(self.upper, start)
+    def by_surface(self, which: Mask) -> list[Index]:
+        """Facets by their places in each surface, from a mask over all, (nf,)."""
+        return [*map(np.flatnonzero, np.split(which, self.first[1:-1]))]
 
-    def near_others(self, reach: float) -> list[Index]:
-        """Facets of each surface with a node in the box of another body, `reach` larger."""
-        found, boxes = [], self.boxes
-        low, high = boxes[0] - reach, boxes[1] + reach
-        for i, (first, last) in enumerate(pairwise(self.first)):
-            lower, upper = self.lower[first:last], self.upper[first:last]
-            close = np.all((boxes[1][i] >= low) & (boxes[0][i] <= high), axis=1)
+    def sights(self, which: Mask, rim: bool) -> Sights:
+        """From the middles of some facets, or from places near their rim."""
+        columns: list[tuple[Array, ...]] = []
+        for surface, facets, first in zip(
+            self.surfaces, self.by_surface(which), self.first, strict=False
+        ):
+            kind, d, xi = surface.kind, surface.dim, surface.kind.middle[None]
+            if rim:
+                ends = kind.locations[: kind.corners]
+                edges = [(ends + np.roll(ends, 1, axis=0)) / 2] if d == 3 else []
+                xi = xi + TOWARDS_RIM * (np.concatenate([ends, *edges]) - xi)
+            N, dN = kind.shapes(xi)
+            nodes = node_positions(surface.points, surface.facets[facets])
+            at = np.einsum("qk,fkd->fqd", N, nodes)
+            normal = unit(across(np.einsum("qki,fkd->fqid", dN, nodes)))
+            bulge = np.zeros(len(facets) * len(xi))
+            if not kind.quadratic:  # facets with middle nodes are the boundary themselves
+                away = nodes[:, None] - at[:, :, None]
+                smooth = _smooth_normals(surface, facets)
+                bulge = 0.5 * np.einsum("qk,fqkd,fkd->fq", N, away, smooth).ravel()
+            of = np.repeat(facets + first, len(xi))
+            columns.append((at.reshape(-1, d), normal.reshape(-1, d), bulge, of))
+        return Sights(*map(np.concatenate, zip(*columns, strict=True)))
+
+    def near_others(self, reach: float) -> Mask:
+        """Facets with a node in the box of another body, `reach` larger, (nf,)."""
+        near = np.zeros(len(self.body), dtype=bool)
+        low, high = self.low - reach, self.high + reach
+        for i, mine in enumerate(map(slice, self.first[:-1], self.first[1:])):
+            close = np.all((self.high[i] >= low) & (self.low[i] <= high), axis=1)
             # parts of one body may touch as well: then all of it is asked
-            close[i] = np.ptp(self.piece[first:last]) > 0
-            near = np.zeros(len(lower), dtype=bool)
+            close[i] = np.ptp(self.piece[mine]) > 0
             for k in np.flatnonzero(close):
-                near |= np.all((upper >= low[k]) & (lower <= high[k]), axis=1)
-            found.append(np.flatnonzero(near))
-        return found
+                inside = (self.upper[mine] >= low[k]) & (self.lower[mine] <= high[k])
+                near[mine] |= np.all(inside, axis=1)
+        return near
 
 
-@dataclass(frozen=True, eq=False)
 class Pieces:
-    """Lines or triangles between the nodes of facets, and a tree over these facets.
+    """Lines or triangles between the nodes of facets near others, (nf,), and a tree over these facets.
 
     Attributes
     ----------
@@ -179,69 +161,27 @@ class Pieces:
     tree : FacetTree
     """
 
-    corners: Array
-    normals: Array
-    area: Array
-    dual: Array
-    of: Index
-    first: Index
-    count: Index
-    tree: FacetTree
-
-    @classmethod
-    def cut(cls, bounds: Boundaries, near: list[Index]) -> Pieces:
-        """Cut some facets of each surface into pieces."""
-        d, every = bounds.surfaces[0].dim, numbered(bounds, near)
-        corners, normals, count = [], [], []
-        for surface, some in zip(bounds.surfaces, near, strict=True):
-            kind, facets = surface.kind, surface.facets[some]
+    def __init__(self, bounds: Boundaries, near: Mask) -> None:
+        found: list[tuple[Array, ...]] = []
+        for surface, some in zip(bounds.surfaces, bounds.by_surface(near), strict=True):
+            kind, d, facets = surface.kind, surface.dim, surface.facets[some]
             pieces = np.array(kind.parts) if kind.dim == 1 else kind.cut
-            corners.append(surface.points.take(facets[:, pieces], axis=0).reshape(-1, d, d))
-            normals.append(_smooth_normals(surface, some).take(pieces, axis=1).reshape(-1, d, d))
-            count.append(np.full(len(some), len(pieces)))
-        x, counts = np.concatenate(corners), np.concatenate(count)
-        edges = x[:, 1:] - x[:, :1]
-        dual = np.linalg.solve(edges @ edges.transpose(0, 2, 1), edges)
-        tree = FacetTree.over(bounds.lower[every], bounds.upper[every])
-        known = np.concatenate(normals), across(edges), dual, np.repeat(every, counts)
-        return cls(x, *known, np.cumsum(counts) - counts, counts, tree)
-
-
-def numbered(bounds: Boundaries, some: list[Index]) -> Index:
-    """Facets of each surface by the numbers of all boundaries."""
-    return np.concatenate([mine + first for mine, first in zip(some, bounds.first, strict=False)])
+            corners = surface.points.take(facets[:, pieces], axis=0).reshape(-1, d, d)
+            normals = _smooth_normals(surface, some).take(pieces, axis=1).reshape(-1, d, d)
+            found.append((corners, normals, np.full(len(some), len(pieces))))
+        self.corners, self.normals, self.count = map(np.concatenate, zip(*found, strict=True))
+        edges = self.corners[:, 1:] - self.corners[:, :1]
+        self.area = across(edges)
+        self.dual = np.linalg.solve(edges @ edges.transpose(0, 2, 1), edges)
+        self.of = np.repeat(np.flatnonzero(near), self.count)
+        self.first = np.cumsum(self.count) - self.count
+        self.tree = FacetTree.over(bounds.lower[near], bounds.upper[near])
 
 
 def _apart(parts: list[Index]) -> Index:
     """Numbers of pieces of each surface, no two of them alike."""
     starts = np.cumsum([0, *(part.max() + 1 for part in parts)])
     return np.concatenate([part + start for part, start in zip(parts, starts, strict=False)])
-
-
-def _boxes(surface: ContactSurface) -> tuple[Array, Array]:
-    x = node_positions(surface.points, surface.facets)
-    return x.min(axis=1), x.max(axis=1)
-
-
-def _places(surface: ContactSurface, facets: Any, rim: bool) -> tuple[Array, Array, Array]:
-    """Places on facets (n, q, d), normals there, and how far the boundary stands out, (n, q)."""
-    kind = surface.kind
-    xi = kind.middle[None]
-    if rim:
-        ends = kind.locations[: kind.corners]
-        around = (
-            ends if kind.dim == 1 else np.concatenate([ends, (ends + np.roll(ends, 1, axis=0)) / 2])
-        )
-        xi = xi + TOWARDS_RIM * (around - xi)
-    N, dN = kind.shapes(xi)
-    nodes = node_positions(surface.points, surface.facets[facets])
-    at = np.einsum("qk,fkd->fqd", N, nodes)
-    normal = unit(across(np.einsum("qki,fkd->fqid", dN, nodes)))
-    if kind.quadratic:  # facets with middle nodes are the boundary themselves
-        return at, normal, np.zeros(at.shape[:2])
-    away = nodes[:, None] - at[:, :, None]
-    bulge = 0.5 * np.einsum("qk,fqkd,fkd->fq", N, away, _smooth_normals(surface, facets))
-    return at, normal, bulge
 
 
 def _smooth_normals(surface: ContactSurface, facets: Any) -> Array:
@@ -254,8 +194,7 @@ def _smooth_normals(surface: ContactSurface, facets: Any) -> Array:
     return np.where(kinked[..., None], own, averaged)
 
 
-@dataclass(frozen=True, eq=False)
-class Views:
+class Views(NamedTuple):
     """What facets see: the nearest facet of all along each line of sight, where it looks back.
 
     Attributes
@@ -279,18 +218,17 @@ def look(bounds: Boundaries, within: float) -> Views:
     # distances of chords are larger than those of the boundary
     reach = NEARLY * within + 2 * float(np.abs(bounds.middles.bulge).max())
     near = bounds.near_others(reach)
-    if not any(map(len, near)):
+    if not near.any():
         return Views(*(np.zeros(0, dtype=np.intp),) * 2, *(np.zeros(0),) * 2)
-    pieces = Pieces.cut(bounds, near)
-    middles = _seen(bounds, bounds.middles.some(numbered(bounds, near)), pieces, reach)
+    pieces = Pieces(bounds, near)
+    at, normal, bulge, of = bounds.middles
+    some = Sights(at[near], normal[near], bulge[near], of[near])
+    middles = _seen(bounds, some, pieces, reach)
     # where the middle sees nothing near, other places may
-    blind = np.ones(len(bounds.body), dtype=bool)
-    blind[middles.facet[np.abs(middles.gap) <= within]] = False
-    rest = [some[blind[some + first]] for some, first in zip(near, bounds.first, strict=False)]
-    around = Sights.from_facets(bounds.surfaces, bounds.first, rest, rim=True)
-    others = _seen(bounds, around, pieces, reach)
-    both = zip(vars(middles).values(), vars(others).values(), strict=True)
-    return Views(*(np.concatenate(pair) for pair in both))
+    near[middles.facet[np.abs(middles.gap) <= within]] = False
+    others = _seen(bounds, bounds.sights(near, rim=True), pieces, reach)
+    both: Any = zip(middles, others, strict=True)
+    return Views(*map(np.concatenate, both))
 
 
 def _seen(bounds: Boundaries, sights: Sights, pieces: Pieces, reach: float) -> Views:
@@ -313,18 +251,17 @@ def _seen(bounds: Boundaries, sights: Sights, pieces: Pieces, reach: float) -> V
     item, piece, distance, bulge, facing = (np.concatenate(c) for c in zip(*found, strict=True))
     mine, other = sights.of[item], pieces.of[piece]
     partner = (facing > OPPOSITE) & (bounds.piece[mine] != bounds.piece[other])
-    views = []
-    for ahead in (distance >= -scale, distance <= scale):
-        some = np.flatnonzero(ahead)
-        # of what is equally near a partner comes first
-        far = np.where(np.abs(distance[some]) <= scale, 0.0, np.abs(distance[some]))
-        order = some[np.lexsort((~partner[some], far, item[some]))]
-        first = order[np.append(True, np.diff(item[order]) > 0)[: len(order)]]
-        views.append(first[partner[first]])
+    far = np.where(np.abs(distance) <= scale, 0.0, np.abs(distance))
+
+    def nearest(some: Index, *keys: Array) -> Index:
+        order = some[np.lexsort((*(key[some] for key in keys), item[some]))]
+        return np.asarray(order[np.append(True, np.diff(item[order]) > 0)[: len(order)]])
+
+    # of what is equally near a partner comes first
+    ways = distance >= -scale, distance <= scale
+    ends = np.concatenate([nearest(np.flatnonzero(way), ~partner, far) for way in ways])
     # outward and inward: the nearer one
-    both = np.concatenate(views)
-    order = both[np.lexsort((np.abs(distance[both]), item[both]))]
-    best = order[np.append(True, np.diff(item[order]) > 0)[: len(order)]]
+    best = nearest(ends[partner[ends]], np.abs(distance))
     own = sights.bulge[item[best]]
     slack = UNSURE * (np.abs(own) + np.abs(bulge[best])) + scale
     return Views(mine[best], other[best], distance[best] - own - bulge[best], slack)

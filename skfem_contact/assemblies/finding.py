@@ -13,6 +13,7 @@ from itertools import compress
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skfem_contact.arguments import check_kind, number
 from skfem_contact.assemblies.drafting import drafts, names_of, strange_bodies
@@ -27,7 +28,7 @@ from skfem_contact.errors import InputError
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.records import dataclass
 
-REMARKS = ("sliver", "uncertain", "matching meshes")
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,14 +116,14 @@ class FoundContacts(Table[Contact]):
         super().__init__(heads, rows, [pair.contact for pair in found], "contacts")
         self.found, self.not_taken = tuple(found), tuple(not_taken)
 
-    def _chosen(self, which: Sequence[str | Callable[[FoundContact], bool]]) -> list[bool]:
+    def _chosen(self, which: Sequence[str | Callable[[FoundContact], bool]]) -> Mask:
         """Whether each pair is meant: by its name, the name of a body, its remark, or a function."""
-        chosen = [False] * len(self)
+        chosen = np.zeros(len(self), dtype=bool)
         for one in which:
-            mine = [_means(one, pair) for pair in self.found]
-            if not callable(one) and one not in REMARKS and not any(mine):
+            mine = np.array([_means(one, pair) for pair in self.found], dtype=bool)
+            if not (mine.any() or callable(one) or one in ("sliver", "uncertain", "matching meshes")):
                 self.index_of(one)  # says which names there are
-            chosen = [a or b for a, b in zip(chosen, mine, strict=True)]
+            chosen |= mine
         return chosen
 
     def drop(self, *which: str | Callable[[FoundContact], bool]) -> FoundContacts:
@@ -139,14 +140,11 @@ class FoundContacts(Table[Contact]):
         InputError
             If there is nothing of that name.
         """
-        return self._where([not gone for gone in self._chosen(which)])
+        return FoundContacts([*compress(self.found, ~self._chosen(which))], self.not_taken)
 
     def keep(self, *which: str | Callable[[FoundContact], bool]) -> FoundContacts:
         """Return the list with some of its pairs alone, see `drop`."""
-        return self._where(self._chosen(which))
-
-    def _where(self, there: Sequence[bool]) -> FoundContacts:
-        return FoundContacts([*compress(self.found, there)], self.not_taken)
+        return FoundContacts([*compress(self.found, self._chosen(which))], self.not_taken)
 
     def change(self, *which: str | Callable[[FoundContact], bool], **settings: Any) -> FoundContacts:
         """Return the list with other settings of some pairs, or of all: ``change("nut*", tied=True)``.
@@ -160,14 +158,12 @@ class FoundContacts(Table[Contact]):
         """
         if settings.get("tied"):
             settings = {"friction": None, **settings}
-        chosen = self._chosen(which) if which else [True] * len(self)
-        return FoundContacts(
-            [
-                replace(pair, contact=replace(pair.contact, **settings)) if mine else pair
-                for pair, mine in zip(self.found, chosen, strict=True)
-            ],
-            self.not_taken,
-        )
+        chosen = self._chosen(which or (lambda pair: True,))
+        changed = [
+            replace(pair, contact=replace(pair.contact, **settings)) if mine else pair
+            for pair, mine in zip(self.found, chosen, strict=True)
+        ]
+        return FoundContacts(changed, self.not_taken)
 
     def __repr__(self) -> str:
         return f"<FoundContacts: {len(self)} pairs, {len(self.not_taken)} not taken>"
@@ -253,20 +249,19 @@ def find_contacts(
     system = stack(bodies)
     unnamed = [name for name, body in zip(system.names, system.bodies, strict=True) if not body.name]
     if unnamed and len(system.bodies) > 1:
-        raise InputError(
-            f"{', '.join(unnamed)} have no name, and pairs are named after bodies: give each its name, "
-            "Body(..., name='plate')"
-        )
+        words = "have no name, and pairs are named after bodies: give each its name"
+        raise InputError(f"{', '.join(unnamed)} {words}, Body(..., name='plate')")
     length = number(within, "within", "give the largest gap of a pair, in units of the mesh")
     if not 0 < length < np.inf:
         raise InputError(f"within = {within} has to be a length > 0: the largest gap of a pair")
-    bounds = Boundaries.of(list(system.solids.values()))
+    bounds = Boundaries(list(system.solids.values()))
     pairs, missed = drafts(bounds, look(bounds, length), length)
     found = []
     for draft, name in zip(pairs, names_of(pairs), strict=True):
         first, why = draft.secondary()
-        glued = tied(*draft.bodies) if callable(tied) else tied
-        law = friction(*draft.bodies) if callable(friction) else friction
+        both = [side.name for side in draft.sides]
+        glued = tied(*both) if callable(tied) else tied
+        law = friction(*both) if callable(friction) else friction
         surfaces = [side.surface() for side in draft.sides]
         contact = Contact(
             surfaces[first], surfaces[1 - first],
@@ -275,9 +270,6 @@ def find_contacts(
         gap = tuple(float(f(draft.gaps)) for f in (np.min, np.median, np.max))
         area = min(side.area for side in draft.sides)
         found.append(FoundContact(contact, gap, area, why, draft.remark))
-    rigid = [
-        f"{name!r} is rigid: write Contact(surface, {name!r}) for what it touches"
-        for name in system.names
-        if name not in system.solids
-    ]
-    return FoundContacts(found, [*rigid, *strange_bodies(bounds, NEARLY * length), *missed])
+    rigid = [name for name in system.names if name not in system.solids]
+    told = [f"{n!r} is rigid: write Contact(surface, {n!r}) for what it touches" for n in rigid]
+    return FoundContacts(found, [*told, *strange_bodies(bounds, NEARLY * length), *missed])

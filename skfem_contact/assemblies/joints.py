@@ -65,13 +65,8 @@ class Table(Named[T]):
         widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
         # columns of numbers stand to the right
         first = (self.rows or [self.heads])[0]
-        left = [isinstance(value, str) or np.ndim(value) > 0 for value in first]
-        lines = [
-            "  ".join(
-                c.ljust(w) if go else c.rjust(w) for c, w, go in zip(row, widths, left, strict=True)
-            )
-            for row in cells
-        ]
+        put = [str.ljust if isinstance(v, str) or np.ndim(v) else str.rjust for v in first]
+        lines = ["  ".join(map(lambda f, c, w: f(c, w), put, row, widths)) for row in cells]
         return "\n".join(line.rstrip() for line in lines)
 
     __repr__ = __str__
@@ -97,13 +92,12 @@ class Table(Named[T]):
             raise InputError(
                 "pandas is not installed: pip install pandas. print(table) needs nothing"
             ) from None
-        columns: dict[str, list[Any]] = {}
+        columns: dict[str, Any] = {}
         for head, values in zip(self.heads, zip(*self.rows, strict=True), strict=True):
             if np.ndim(values[0]) == 0:
-                columns[head] = list(values)
-                continue
-            for axis, component in zip("xyz", np.transpose(values), strict=False):
-                columns[f"{head} {axis}"] = component.tolist()
+                columns[head] = values
+            else:
+                columns |= {f"{head} {a}": x for a, x in zip("xyz", np.transpose(values), strict=False)}
         return pandas.DataFrame(columns)
 
 
@@ -160,34 +154,30 @@ class Joint(NamesAttributes):
     @classmethod
     def of(cls, values: Any) -> Joint:
         """Say that of a `ContactValues`."""
-        closed, area = values.status != OPEN, values.area
-        touching = float(area[closed].sum())
-        share = np.divide(touching, area.sum())
-        margin = sticking = np.nan
+        closed, area, points = values.status != OPEN, values.area, values.points
+        touching, margin, sticking = float(area[closed].sum()), np.nan, np.nan
         law = values.contact.friction
         if law is not None and touching > 0:
             pressed = np.maximum(values.normal_force, 0.0)
-            checked = CheckedLaw(law, values.name, values.points)
-            bound = float(checked.limit(pressed, area, values.slip)[closed].sum())
+            limit = CheckedLaw(law, values.name, points).limit(pressed, area, values.slip)
+            bound = float(limit[closed].sum())
             friction = float(np.linalg.norm(values.tangential_force_vector.sum(axis=0)))
             margin = 1.0 - friction / bound if bound > 0 else np.nan
             sticking = float(area[values.status == STICK].sum()) / touching
-        middle = np.average(values.points, axis=0, weights=area)
-        normal = float(values.normal_force.sum())
+        middle = np.average(points, axis=0, weights=area)
         # what cancels is printed as zero
         least = COMPUTED * float(np.abs(values.forces).sum())
-        arm = float(np.abs(values.points - middle).max())
+        arm = float(np.abs(points - middle).max())
         force, moment = values.force, np.asarray(values.moment(middle))
-        force = np.where(np.abs(force) < least, 0.0, force)
         moment = np.where(np.abs(moment) < least * arm, 0.0, moment)
         return cls(
             name=values.name,
-            force=sealed(force),
+            force=sealed(np.where(np.abs(force) < least, 0.0, force)),
             moment=sealed(moment) if moment.ndim else float(moment),
-            closed=float(share),
+            closed=float(touching / area.sum()),
             slip_margin=margin,
             sticking=sticking,
-            mean_pressure=normal / touching if touching > 0 else 0.0,
+            mean_pressure=float(values.normal_force.sum()) / touching if touching > 0 else 0.0,
             largest_pressure=float(np.max(values.pressure, initial=0.0)),
             energy=values.dissipation_total,
         )

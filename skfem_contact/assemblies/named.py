@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, Generic, TypeVar, overload
 
 from skfem_contact.arguments import suggest
@@ -29,9 +29,6 @@ class Named(Sequence[T], Generic[T]):
 
     def __repr__(self) -> str:
         return f"<{self._kind}: {', '.join(self.names)}>"
-
-    def __iter__(self) -> Iterator[T]:
-        return iter(self._members)
 
     @overload
     def __getitem__(self, key: int | str) -> T: ...

@@ -8,6 +8,7 @@ dimension are bodies, those one dimension below are boundaries, as sets of nodes
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from fnmatch import fnmatchcase
 from inspect import isroutine
 from pathlib import Path
@@ -27,18 +28,13 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.inputs import SUPPORTED, deferred_basis
 from skfem_contact.bodies.pieces import pieces
 from skfem_contact.errors import InputError
-from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
-#: Elements by what meshio calls their cells, and by the dimension and the corners of all cells.
+#: Elements by what meshio calls their cells, and the dimension of all cells.
 ELEMENTS = {cell: element for element, cell in SUPPORTED.items()}
-CORNERS = {
-    "line": (1, 2), "triangle": (2, 3), "quad": (2, 4), "tetra": (3, 4), "hexahedron": (3, 8),
-    "wedge": (3, 6), "pyramid": (3, 5),
-}  # fmt: skip
+DIMS = {"line": 1, "triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3, "wedge": 3, "pyramid": 3}
 #: Where formats keep one number for each cell that says which group it is in.
 TAGS = ("gmsh:physical", "cell_tags", "medit:ref", "nastran:ref", "su2:tag", "flac3d:group")
 #: What is meshed, or read, by Gmsh.
@@ -48,11 +44,6 @@ CAD, BY_GMSH = (".step", ".stp", ".iges", ".igs", ".brep"), (".unv",)
 TURN = 16
 #: What STEP has for a name where none was given.
 NAMELESS = "Open CASCADE"
-
-NO_GMSH = (
-    "{path}: files {suffix} are read by Gmsh, which is not installed: pip install "
-    "'skfem-contact[step]'. Or write the mesh as .msh, .inp or .med where the program is that made it"
-)
 
 
 @known_keywords(materials="write material", name="bodies are named after their tags")
@@ -134,8 +125,7 @@ def read_bodies(
     (('low', 'high'), [0, 1, 2, 3], ['low - high'])
     """
     file = file_path(path)
-    mesh = _read(file, size, order)
-    groups = Groups.of(mesh, file)
+    groups = Groups(_read(file, size, order), file)
     chosen = groups.bodies(bodies)
     known = dict(settings or {})
     for name in known:
@@ -143,10 +133,10 @@ def read_bodies(
             raise InputError(f"settings of {name!r}: no such body{suggest(name, chosen, 'bodies')}")
     made = []
     for name, parts in chosen.items():
-        one, kind = groups.mesh(name, parts)
+        one, element = groups.mesh(name, parts)
         given = dict(_by_name(known, name) or {})
         one = one.with_boundaries(given.pop("boundaries", {}))
-        basis = deferred_basis(one, skfem.ElementVector(ELEMENTS[kind]()), None, f"body {name!r}")
+        basis = deferred_basis(one, skfem.ElementVector(element), None, f"body {name!r}")
         made.append(Body(basis, _stiffness(material, name, basis), name=name, **given))
     return Named(made, list(chosen), "bodies")
 
@@ -182,18 +172,22 @@ def _by_name(material: Mapping[str, Any], name: str) -> Any:
     return next((value for key, value in material.items() if fnmatchcase(name, str(key))), None)
 
 
-@dataclass(frozen=True, eq=False)
 class Groups:
     """The cells of a file, by groups.
 
+    Parameters
+    ----------
+    mesh : meshio.Mesh
+        What meshio has read.
+    file : Path
+
     Attributes
     ----------
-    file : Path
     points : ndarray, shape (n, 3)
     kinds : ndarray of str, shape (cells,)
         What meshio calls each.
-    shapes : ndarray of int, shape (cells, 3)
-        Their dimension, and how many corners and nodes they have.
+    dims : ndarray of int, shape (cells,)
+        Their dimension; points, and what is unknown, have none.
     nodes : ndarray of int, shape (cells, k)
         The last one again where there are fewer than k.
     named : dict
@@ -202,72 +196,64 @@ class Groups:
         Sets of nodes.
     """
 
-    file: Path
-    points: Array
-    kinds: NDArray[np.str_]
-    shapes: Index
-    nodes: Index
-    named: dict[str, Index]
-    sets: dict[str, Index]
-
-    @classmethod
-    def of(cls, mesh: meshio.Mesh, file: Path) -> Groups:
-        """The groups of a mesh that meshio has read."""
+    def __init__(self, mesh: meshio.Mesh, file: Path) -> None:
         blocks = mesh.cells or [meshio.CellBlock("vertex", np.zeros((0, 1), dtype=int))]
         cells, sizes = [np.asarray(block.data, dtype=np.intp) for block in blocks], [*map(len, blocks)]
         widest = max(some.shape[1] for some in cells)
         pads = [np.pad(c, ((0, 0), (0, widest - c.shape[1])), mode="edge") for c in cells]
-        shapes = [(*_shape(b.type), c.shape[1]) for b, c in zip(blocks, cells, strict=True)]
-        kinds = np.repeat([block.type for block in blocks], sizes)
-        sets = {name: _numbers(found) for name, found in mesh.point_sets.items()}
-        of_each = kinds, np.repeat(shapes, sizes, axis=0), np.concatenate(pads)
-        groups = cls(file, mesh.points, *of_each, {}, sets)
+        self.file, self.points, self.sets = file, mesh.points, mesh.point_sets
+        self.kinds = np.repeat([block.type for block in blocks], sizes)
+        self.dims = np.repeat([DIMS.get(b.type.rstrip("0123456789"), 0) for b in blocks], sizes)
+        self.nodes, self.dim = np.concatenate(pads), int(self.dims.max(initial=0))
+        self.named: dict[str, Index] = {}
         starts = np.cumsum([0, *sizes])
         for name, found in mesh.cell_sets.items():
             if not name.startswith(("gmsh:", "_")):  # what programs need for themselves
                 # blocks that came later, of .inp, are not in it
-                parts = [first + _numbers(part) for first, part in zip(starts, found, strict=False)]
-                groups.named[name] = np.concatenate(parts)
+                own = [(i, part) for i, part in zip(starts, found, strict=False) if part is not None]
+                parts = [i + np.asarray(part, dtype=np.intp).ravel() for i, part in own]
+                self.named[name] = np.concatenate([starts[:0], *parts])
         for key in filter(mesh.cell_data.__contains__, TAGS):
-            groups.named.update({**groups._tagged(mesh, key), **groups.named})
-        return groups
+            self.named = {**self._tagged(mesh, key), **self.named}
 
     def _tagged(self, mesh: meshio.Mesh, key: str) -> dict[str, Index]:
         """Groups from one number for each cell, by the names that formats keep elsewhere."""
         families = getattr(mesh, "cell_tags", {})  # of .med: several names for each number
-        both = np.array([self.shapes[:, 0], np.concatenate([*map(np.ravel, mesh.cell_data[key])])]).T
+        both = np.array([self.dims, np.concatenate([*map(np.ravel, mesh.cell_data[key])])]).T
         found: dict[str, Index] = {}
         kinds = np.unique(both[both.all(axis=1)], axis=0).astype(int)
-        for dim, tag in sorted(
-            kinds.tolist(), key=lambda kind: (kind[0], abs(kind[1]))
-        ):  # .med: -1, -2
+        # .med: -1, -2
+        for dim, tag in sorted(kinds.tolist(), key=lambda kind: (kind[0], abs(kind[1]))):
             own = [name for name, field in mesh.field_data.items() if tuple(field[:2]) == (tag, dim)]
             cells = np.flatnonzero((both == (dim, tag)).all(axis=1))
             for name in own or families.get(tag) or [f"tag {tag}"]:
                 found[name] = np.union1d(found.get(name, cells[:0]), cells)
         return found
 
-    @property
-    def dim(self) -> int:
-        """The largest dimension of a cell."""
-        return int(self.shapes[:, 0].max(initial=0))
-
     def of_dim(self, name: str, dim: int) -> Index:
         """Cells of a group that have a dimension."""
         cells = self.named[name]
-        return cells[self.shapes[cells, 0] == dim]
+        return cells[self.dims[cells] == dim]
 
     def bodies(self, wanted: Mapping[str, str | Sequence[str]] | None) -> dict[str, dict[str, Index]]:
         """Cells of each body, by subdomain."""
         if self.dim < 2:
             raise InputError(f"{self.file}: there are no cells of two or three dimensions in it")
-        there = {name: self.of_dim(name, self.dim) for name in self.named}
-        there = {name: cells for name, cells in there.items() if len(cells)}
+        there = {n: cells for n in self.named if len(cells := self.of_dim(n, self.dim))}
+        chosen: dict[str, dict[str, Index]] = {}
         if wanted is not None:
             check_kind(wanted, Mapping, "bodies", "give {'body': ['tag', ...]}", "dict")
-            return {str(b): self._tags(str(b), tags, there) for b, tags in wanted.items()}
+            for body, tags in wanted.items():
+                names = [tags] if isinstance(tags, str) else list(tags)
+                lost = next((name for name in names if name not in there), None)
+                if lost is not None:
+                    raise InputError(
+                        f"bodies: {str(body)!r} is to have {shown(lost)}, and {self.file} has no such "
+                        f"tag of cells of {self.dim} dimensions{suggest(lost, there, 'tags')}"
+                    )
+                chosen[str(body)] = {name: there[name] for name in names}
+            return chosen
         taken = np.zeros(len(self.kinds), dtype=np.intp)
-        chosen: dict[str, dict[str, Index]] = {}
         order = list(there)
         # the small ones first: sets of sets, "all", hold nothing else then; of equal ones the last, as
         # those of an .inp that stand with the elements
@@ -286,26 +272,15 @@ class Groups:
             taken[there[name]] = len(chosen)
         found = {name: chosen[name] for name in order if name in chosen}
         # cells without a tag: every connected part of them is a body
-        rest = np.flatnonzero((taken == 0) & (self.shapes[:, 0] == self.dim))
+        rest = np.flatnonzero((taken == 0) & (self.dims == self.dim))
         part = pieces(self.nodes[rest].T, len(self.points))[self.nodes[rest, 0]]
         for k in np.unique(part):
             name = f"body {len(found) + 1}"
             found[name] = {name: rest[part == k]}
         return found
 
-    def _tags(self, body: str, tags: Any, there: dict[str, Index]) -> dict[str, Index]:
-        """The cells of some tags."""
-        names = [tags] if isinstance(tags, str) else list(tags)
-        for name in names:
-            if name not in there:
-                raise InputError(
-                    f"bodies: {body!r} is to have {shown(name)}, and {self.file} has no such tag of "
-                    f"cells of {self.dim} dimensions{suggest(name, there, 'tags')}"
-                )
-        return {name: there[name] for name in names}
-
-    def mesh(self, name: str, parts: dict[str, Index]) -> tuple[skfem.Mesh, str]:
-        """The mesh of a body with its subdomains and boundaries by name, and what its cells are."""
+    def mesh(self, name: str, parts: dict[str, Index]) -> tuple[skfem.Mesh, skfem.Element]:
+        """The mesh of a body with its subdomains and boundaries by name, and its element."""
         chosen = np.concatenate(list(parts.values()))
         kinds = np.unique(self.kinds[chosen]).tolist()
         if len(kinds) > 1 or kinds[0] not in ELEMENTS:
@@ -313,9 +288,9 @@ class Groups:
                 f"{self.file}: body {name!r} has cells {', '.join(kinds)}; a body has cells of one "
                 f"kind, of {', '.join(ELEMENTS)}. Mesh it anew, or tie several bodies"
             )
-        _, ends, width = self.shapes[chosen[0]]
-        cells = self.nodes[chosen, :width]
-        corners = np.unique(cells[:, :ends])
+        element = ELEMENTS[kinds[0]]
+        cells = self.nodes[chosen, : len(element.doflocs)]
+        corners = np.unique(cells[:, : element.refdom.nnodes])
         nodes = np.concatenate([corners, np.setdiff1d(cells, corners)])  # as scikit-fem numbers them
         local = np.full(len(self.points), -1)
         local[nodes] = np.arange(len(nodes))
@@ -326,24 +301,20 @@ class Groups:
         if len(parts) > 1:
             places = np.split(np.arange(len(chosen)), np.cumsum([*map(len, parts.values())])[:-1])
             mesh = mesh.with_subdomains(dict(zip(parts, places, strict=True)))
-        found = self._boundaries(mesh, local, len(corners))
-        return mesh.with_boundaries(found) if found else mesh, kinds[0]
-
-    def _boundaries(self, mesh: skfem.Mesh, local: Index, corners: int) -> dict[str, Index]:
-        """Facets of the boundary of a mesh by the names of groups of facets, and of sets of nodes."""
+        # groups of facets, and sets of nodes, by name
         numbers = mesh.boundary_facets()
         facets = np.sort(mesh.facets[:, numbers], axis=0).T
         found: dict[str, Any] = {}
-        for name in self.named:
-            mine = np.sort(
-                local[self.nodes[self.of_dim(name, self.dim - 1), : facets.shape[1]]], axis=1
-            )
+        for tag in self.named:
+            cells = self.of_dim(tag, self.dim - 1)
+            mine = np.sort(local[self.nodes[cells, : facets.shape[1]]], axis=1)
             _, key = np.unique(np.concatenate([facets, mine]), axis=0, return_inverse=True)
-            found[name] = numbers[np.isin(key.ravel()[: len(facets)], key.ravel()[len(facets) :])]
-        for name, nodes in self.sets.items():
-            inside = np.isin(np.arange(corners), local[nodes])
-            found.setdefault(name, numbers[inside[facets].all(axis=1)])
-        return {name: some.astype(np.int32) for name, some in found.items() if len(some)}
+            found[tag] = numbers[np.isin(key.ravel()[: len(facets)], key.ravel()[len(facets) :])]
+        for tag, members in self.sets.items():
+            inside = np.isin(np.arange(len(corners)), local[np.asarray(members, dtype=np.intp).ravel()])
+            found.setdefault(tag, numbers[inside[facets].all(axis=1)])
+        found = {name: some.astype(np.int32) for name, some in found.items() if len(some)}
+        return mesh.with_boundaries(found), element()
 
 
 def completed(points: Array, kind: str, cells: Index) -> tuple[Array, str, Index]:
@@ -371,60 +342,54 @@ BRICK = [
 ]  # fmt: skip
 
 
-def _shape(kind: str) -> tuple[int, int]:
-    """Dimension and corners of what meshio calls a cell; points, and what is unknown, have none."""
-    return CORNERS.get(kind.rstrip("0123456789"), (0, 1))
-
-
-def _numbers(found: Any) -> Index:
-    return np.asarray([] if found is None else found, dtype=np.intp).ravel()
-
-
 def _read(file: Path, size: float | None, order: int) -> meshio.Mesh:
     """Return what a file has, by meshio, or by Gmsh and meshio."""
     if not file.is_file():
         raise InputError(f"{file} is no file")
     suffix = file.suffix.lower()
-    if suffix not in CAD + BY_GMSH:
-        try:
-            return meshio.read(file)
-        except ImportError as error:
-            package = error.name
-            raise InputError(
-                f"{file}: meshio reads {suffix} by {package}: pip install {package}"
-            ) from error
-        except (Exception, SystemExit) as error:  # every format fails in its own way
-            raise InputError(f"{file} can not be read by meshio: {error}") from error
+    if suffix in CAD + BY_GMSH:
+        return _by_gmsh(file, suffix, size, order)
+    try:
+        return meshio.read(file)
+    except ImportError as error:
+        words = f"meshio reads {suffix} by {error.name}: pip install {error.name}"
+        raise InputError(f"{file}: {words}") from error
+    except (Exception, SystemExit) as error:  # every format fails in its own way
+        raise InputError(f"{file} can not be read by meshio: {error}") from error
+
+
+def _by_gmsh(file: Path, suffix: str, size: float | None, order: int) -> meshio.Mesh:
+    """Return what Gmsh reads, or meshes, by a file that meshio reads."""
     try:
         import gmsh  # optional
     except ImportError:
-        raise InputError(NO_GMSH.format(path=file, suffix=suffix)) from None
-    with TemporaryDirectory() as folder:
-        own = not gmsh.isInitialized()
-        if own:
+        raise InputError(
+            f"{file}: files {suffix} are read by Gmsh, which is not installed: pip install "
+            "'skfem-contact[step]'. Or write the mesh as .msh, .inp or .med where the program is that "
+            "made it"
+        ) from None
+    with TemporaryDirectory() as folder, ExitStack() as after:
+        if gmsh.isInitialized():  # by the user, whose model it stays
+            after.callback(gmsh.model.setCurrent, gmsh.model.getCurrent())
+        else:
             gmsh.initialize(interruptible=False)
-        before = None if own else gmsh.model.getCurrent()
+            after.callback(gmsh.finalize)
         try:
             gmsh.option.setNumber("General.Terminal", 0)
             gmsh.model.add(file.stem)
-            _by_gmsh(gmsh, file, suffix in CAD, size, order)
+            if suffix in CAD:
+                _mesh(gmsh, file, size, order)
+            else:
+                gmsh.merge(str(file))
             gmsh.write(f"{folder}/mesh.msh")
             gmsh.model.remove()
         except Exception as error:  # what Gmsh raises is no class of its own
             raise InputError(f"{file} can not be read or meshed by Gmsh: {error}") from error
-        finally:
-            if own:
-                gmsh.finalize()
-            elif before is not None:
-                gmsh.model.setCurrent(before)
         return meshio.read(f"{folder}/mesh.msh")
 
 
-def _by_gmsh(gmsh: Any, file: Path, cad: bool, size: float | None, order: int) -> None:
-    """Load a file into Gmsh's model; of geometry every volume is a group, and it is meshed."""
-    if not cad:
-        gmsh.merge(str(file))
-        return
+def _mesh(gmsh: Any, file: Path, size: float | None, order: int) -> None:
+    """Mesh geometry in Gmsh's model; every volume is a group."""
     gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
     gmsh.model.occ.importShapes(str(file))
     gmsh.model.occ.synchronize()

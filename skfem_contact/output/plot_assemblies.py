@@ -84,11 +84,10 @@ def _add(
     label: str = "",
 ) -> None:
     """One surface as lines or faces."""
-    kind = surface.kind
     from matplotlib.collections import LineCollection  # optional, and slow to import
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    plane = surface.dim == 2
+    kind, plane = surface.kind, surface.dim == 2
     pieces = np.array(kind.parts) if plane else kind.linear_parts
     x = list(surface.points[surface.facets][:, pieces].reshape(-1, pieces.shape[1], surface.dim))
     if plane:
