@@ -44,7 +44,7 @@ PARTS = {
     "nonlinear_body": (0.0, 0.0, 1.0, 0.48),
     "rubber_seal": (0.0, 0.0, 0.36, 1.0),
     "rubber_ironing": (0.0, 0.0, 1.0, 0.62),
-    "wear": (0.0, 0.0, 0.36, 1.0),
+    "wear": (0.01, 0.1, 0.31, 0.92),
     "fretting_map": (0.0, 0.0, 0.6, 1.0),
     "fretting_calibration": WHOLE,
     "squeal": (0.0, 0.0, 0.5, 1.0),
