@@ -47,7 +47,7 @@ PARTS = {
     "wear": (0.01, 0.1, 0.31, 0.92),
     "fretting_map": (0.0, 0.0, 0.6, 1.0),
     "fretting_calibration": WHOLE,
-    "squeal": (0.0, 0.0, 0.5, 1.0),
+    "squeal": (0.05, 0.17, 0.39, 0.78),
 }
 #: The largest width and height [pixels], and the number of colours.
 SIZE, COLOURS = (400, 280), 64
