@@ -46,7 +46,7 @@ PARTS = {
     "rubber_ironing": (0.0, 0.0, 1.0, 0.62),
     "wear": (0.01, 0.1, 0.31, 0.92),
     "fretting_map": (0.0, 0.0, 0.6, 1.0),
-    "fretting_calibration": WHOLE,
+    "fretting_calibration": (0.06, 0.13, 0.38, 0.75),
     "squeal": (0.05, 0.17, 0.39, 0.78),
 }
 #: The largest width and height [pixels], and the number of colours.
