@@ -92,7 +92,7 @@ grid = figure.add_gridspec(2, len(shown), height_ratios=[1.4, 1])
 
 
 def mises(body, u):
-    return sc.von_mises(body, u, **material)
+    return sc.von_mises(body, u, E=material["E"], nu=material["nu"])
 
 
 bases = []
@@ -107,7 +107,9 @@ for column, degrees in enumerate(shown):
     used = used / np.where(result.status == 0, np.inf, result.normal_force)
     ax = figure.add_subplot(grid[1, column])
     bases.append(ax)
-    dots = ax.scatter(*result.points[:, :2].T, c=used, s=90, vmin=0, vmax=mu, cmap="YlOrRd")
+    dots = ax.scatter(
+        result.points[:, 0], result.points[:, 1], c=used, s=90, vmin=0, vmax=mu, cmap="YlOrRd"
+    )
     ax.set(aspect="equal", xlabel="x on the base [mm]", ylim=(-4, width + 4))
 figure.colorbar(dots, ax=bases, location="bottom", shrink=0.4, label="friction / pressure")
 out.mkdir(parents=True, exist_ok=True)

@@ -114,7 +114,9 @@ shades = plt.cm.ScalarMappable(colours, "inferno")
 figure.colorbar(shades, ax=solid, label="temperature [°C]", shrink=0.8)
 for column, (method, (points, flux)) in enumerate(results.items(), start=1):
     ax = figure.add_subplot(grid[column])
-    dots = ax.scatter(*points[:, :2].T, c=1e-3 * flux, s=90, vmin=2.5, vmax=4.6, cmap="coolwarm")
+    dots = ax.scatter(
+        points[:, 0], points[:, 1], c=1e-3 * flux, s=90, vmin=2.5, vmax=4.6, cmap="coolwarm"
+    )
     ax.set(
         aspect="equal",
         xlabel="x [m]",
