@@ -1,7 +1,7 @@
 r"""A belt around a pulley: the capstan formula, and how slip creeps in from the tight end.
 
               ____
-            /      \          belt of thickness R/50 on a rigid drum, wrapped by 180 degrees,
+            /      \          belt of thickness R/50 and width R on a rigid drum, half around,
            |  drum  |         Coulomb friction 0.3; tension 1 on the slack side
            |        |
            |        |         the tight side is pulled by a stiff spring until the whole belt
@@ -35,28 +35,31 @@ out.mkdir(parents=True, exist_ok=True)
 mu, wrap, thickness, E = 0.3, np.pi, 0.02, 1e5
 
 # %% The belt: a strip of elements bent around the drum
-strip = fem.MeshQuad.init_tensor(np.linspace(0, wrap, 201), np.linspace(1, 1 + thickness, 4))
+along, through = np.linspace(0, wrap, 151), np.linspace(1, 1 + thickness, 3)
+strip = fem.MeshHex.init_tensor(along, through, [0.0, 0.5, 1.0])
 ends = {
     "slack": strip.facets_satisfying(lambda x: x[0] < 1e-9),
     "tight": strip.facets_satisfying(lambda x: x[0] > wrap - 1e-9),
     "inside": strip.facets_satisfying(lambda x: x[1] < 1 + 1e-9),
 }
-angle, radius = strip.p
-bent = fem.MeshQuad(np.array([radius * np.cos(angle), radius * np.sin(angle)]), strip.t)
-basis = fem.Basis(bent.with_boundaries(ends), fem.ElementVector(fem.ElementQuad1()), intorder=4)
+angle, radius, across = strip.p
+bent = fem.MeshHex(np.array([radius * np.cos(angle), radius * np.sin(angle), across]), strip.t)
+basis = fem.Basis(bent.with_boundaries(ends), fem.ElementVector(fem.ElementHex1()), intorder=4)
 
 # both ends hang straight down
 down = fem.LinearForm(lambda v, w: -v[1] / thickness)
 slack, tight = (down.assemble(basis.boundary(end)) for end in ("slack", "tight"))
 
+sides = basis.nodal_dofs[2]  # the belt does not move along the axis of the drum
+
 # a stiff spring at the tight end, whose other end is moved: so the tension there is an answer
 spring = 0.1 * E
 column = csr_matrix(tight[:, None])
 elastic = linear_elasticity(*lame_parameters(E, 0.0)).assemble(basis)
-belt = sc.Body(basis, csr_matrix(elastic + spring * (column @ column.T)), f=slack, name="belt")
+belt = sc.Body(basis, csr_matrix(elastic + spring * (column @ column.T)), f=slack, D=sides, name="belt")
 
 # %% Contact with the drum; the chords of the mesh touch it
-drum = sc.RigidSphere((0, 0), 1.0, name="drum")
+drum = sc.RigidCylinder((0, 0, 0), 1.0, (0, 0, 1), name="drum")
 contact = sc.Contact(belt.surface("inside"), drum, friction=sc.Coulomb(mu), adjust=1e-3)
 solver = sc.ContactSolver([belt], [contact])
 print(solver)
@@ -69,7 +72,8 @@ print(results[-1].report())
 
 def tension(result):
     """Angles and tension along the belt: moments about the axis of the drum."""
-    points, friction = result.points, result.tangential_force[:, 0]
+    points, force = result.points, result.traction * result.area[:, None]
+    friction = (points[:, 0] * force[:, 1] - points[:, 1] * force[:, 0]) / np.hypot(*points[:, :2].T)
     place = np.arctan2(points[:, 1], points[:, 0])
     order = np.argsort(place)
     # friction acts at the radius one, tension at the middle of the belt
@@ -87,31 +91,28 @@ print(f"ratio of the tensions {ratio:.5f}; thick belt {expected:.5f}, thin {np.e
 
 def hoop(body, u):
     """The stress along the belt, over that of the slack end."""
-    x = body.basis.with_element(fem.ElementQuad1()).doflocs
+    x = body.basis.with_element(fem.ElementHex1()).doflocs[:2]
     direction = np.array([-x[1], x[0]]) / np.hypot(*x)
     stress = sc.nodal_stress(body, u, E=E, nu=0.0)[:, :2, :2]
     return thickness * np.einsum("im,mij,jm->m", direction, stress, direction)
 
 
-figure, (scene, places, history) = plt.subplots(1, 3, figsize=(13.5, 4.6))
-figure.set_layout_engine("constrained", wspace=0.07)
+figure = plt.figure(figsize=(13.5, 4.6), layout="constrained")
+scene = figure.add_subplot(131, projection="3d")
+places, history = figure.add_subplot(132), figure.add_subplot(133)
 half = 5
 sc.plot_deformed(
     results[half],
     scale=20,
     stress=hoop,
     ax=scene,
+    obstacles=False,
     label="tension / that of the slack end",
     units={"stress": "T₀/R"},
 )
-scene.set(title="the belt on the drum, deformation magnified 20 times", xlabel="x / R", ylabel="y / R")
-scene.annotate("slack end: T₀ = 1", (1.01, 0), (0.1, -0.3), arrowprops={"arrowstyle": "-", "lw": 0.6})
-scene.annotate(
-    f"pulled with {pull[half]:.2f}",
-    (-1.01, 0),
-    (-0.75, -0.3),
-    arrowprops={"arrowstyle": "-", "lw": 0.6},
-)
+scene.set_title("the belt, magnified 20 times")
+scene.view_init(20, 60, vertical_axis="y")
+scene.axis("off")
 shown = [k for k in (1, 3, 5, 7) if pull[k] < 0.99 * ratio] + [len(results) - 1]
 for k, shade in zip(shown, plt.cm.viridis(np.linspace(0.9, 0.1, len(shown))), strict=True):
     place, T = tension(results[k])

@@ -37,22 +37,23 @@ out.mkdir(parents=True, exist_ok=True)
 E_base, nu = 210e3, 0.3
 true = np.array([0.32, 1.15])  # friction, and the modulus of the block over that of the base
 start = np.array([0.2, 0.9])
-pressed, amplitude = 0.004, 0.0016
+pressed, amplitude = 0.004, 0.002
 
 
 # %% Bodies
-def rectangle(width, low, high, nx, ny):
-    x, y = np.linspace(-width / 2, width / 2, nx + 1), np.linspace(low, high, ny + 1)
-    mesh = fem.MeshQuad.init_tensor(x, y).with_defaults()
-    return fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+def cuboid(width, low, high, n, nz):
+    x, z = np.linspace(-width / 2, width / 2, n + 1), np.linspace(low, high, nz + 1)
+    sides = {"bottom": lambda x: x[2] == low, "top": lambda x: x[2] == high}
+    mesh = fem.MeshHex.init_tensor(x, x, z).with_boundaries(sides)
+    return fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
 
 
 steel = linear_elasticity(*lame_parameters(E_base, nu))
-base_basis, block_basis = rectangle(10, -4, 0, 30, 10), rectangle(4, 0, 3, 16, 9)
+base_basis, block_basis = cuboid(10, -4, 0, 8, 4), cuboid(4, 0, 3, 4, 3)
 K_block = steel.assemble(block_basis)
 base = sc.Body(base_basis, steel, D="bottom", name="base")
 phase = np.linspace(0, 2.5 * np.pi, 31)
-steps = [{"x": {"block": {"top": (amplitude * np.sin(a), -pressed)}}} for a in phase]
+steps = [{"x": {"block": {"top": (amplitude * np.sin(a), 0.0, -pressed)}}} for a in phase]
 histories = 0
 
 
@@ -69,7 +70,7 @@ def solver_of(parameters):
 def loop(results):
     """The measured forces, and that the k-th is a component of the force of the k-th result."""
     Q = np.array([result.force[0] for result in results])
-    return Q, [{k: {"force": (1.0, 0.0)}} for k in range(len(Q))]
+    return Q, [{k: {"force": (1.0, 0.0, 0.0)}} for k in range(len(Q))]
 
 
 measured = loop(list(solver_of(true).history(steps)))[0]
@@ -126,12 +127,16 @@ print(f"from a start where everything sticks: rank {stuck.rank}. {stuck.words}")
 assert stuck.rank == 1
 
 # %% Picture: the loop that is measured, of the start, and found
-figure, ax = plt.subplots(figsize=(5, 3.8), layout="constrained")
+figure = plt.figure(figsize=(9, 3.8), layout="constrained")
+solid, ax = figure.add_subplot(121, projection="3d"), figure.add_subplot(122)
+*_, aside = solver_of(true).history(steps[:7])
+sc.plot_deformed(aside, 300, ax=solid, units={"length": "mm"})
+solid.axis("off")
 moved = 1e3 * amplitude * np.sin(phase)
 ax.plot(moved, measured, "ko", ms=4, label="measured")
 ax.plot(moved, at(start).values, color="#999999", label="start")
 ax.plot(moved, at(found.x).values, color="#20618d", label="found")
-ax.set(xlabel="displacement of the top [µm]", ylabel="force [N/mm]")
+ax.set(xlabel="displacement of the top [µm]", ylabel="force [N]")
 ax.legend(frameon=False)
 ax.spines[["top", "right"]].set_visible(False)
 figure.savefig(out / "fretting_calibration.png", dpi=90)

@@ -20,7 +20,7 @@ temperature is linear in each part, so the answer is known,
 Run ``python examples/heat_across_interface.py [folder]``: a picture.
 
 Expected: with ``method="mortar"`` temperatures and flux are exact to round-off (1e-12), although the
-meshes do not match; node by node the flux is off by a fifth in places.
+meshes do not match; node by node the flux is off by up to three tenths.
 """
 
 # %% numbers
@@ -30,6 +30,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import skfem as fem
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from skfem.helpers import dot, grad
 
 import skfem_contact as sc
@@ -40,18 +41,19 @@ k_copper, k_steel = 400.0, 50.0  # W/(m K)
 hot, cold = 100.0, 20.0
 tolerance = 1e-12
 
-# %% bodies: plain scikit-fem, quadratic triangles
-element = fem.ElementTriP2()
+# %% bodies: plain scikit-fem, hexahedra
+element = fem.ElementHex1()
 
 
-def conductor(k, x, y):
-    mesh = fem.MeshTri.init_tensor(x, y).with_defaults()
+def conductor(k, x, z):
+    sides = {"bottom": lambda x: x[2] == z[0], "top": lambda x: x[2] == z[-1]}
+    mesh = fem.MeshHex.init_tensor(x, x, z).with_boundaries(sides)
     basis = fem.Basis(mesh, element)
     return basis, fem.BilinearForm(lambda u, v, w: k * dot(grad(u), grad(v))).assemble(basis)
 
 
-foot_basis, foot_K = conductor(k_copper, np.linspace(0, 1, 11), np.linspace(0, 1, 11))
-plate_basis, plate_K = conductor(k_steel, np.linspace(0, 1, 8), np.linspace(-1, 0, 8))
+foot_basis, foot_K = conductor(k_copper, np.linspace(0, 1, 9), np.linspace(0, 1, 9))
+plate_basis, plate_K = conductor(k_steel, np.linspace(0, 1, 6), np.linspace(-1, 0, 6))
 foot = sc.Body(foot_basis, foot_K, D="top", x=np.full(foot_basis.N, hot), name="foot")
 plate = sc.Body(plate_basis, plate_K, D="bottom", x=np.full(plate_basis.N, cold), name="plate")
 
@@ -72,9 +74,9 @@ T = temperature("mortar")
 
 # %% against theory
 q = (hot - cold) / (1 / k_copper + 1 / k_steel)
-y = np.concatenate([b.doflocs[1] for b in (plate_basis, foot_basis)])
+z = np.concatenate([b.doflocs[2] for b in (plate_basis, foot_basis)])
 upper = np.arange(system.n) >= plate.n
-exact = cold + q / k_steel + q * y / np.where(upper, k_copper, k_steel)
+exact = cold + q / k_steel + q * z / np.where(upper, k_copper, k_steel)
 errors = {m: np.abs(temperature(m) - exact).max() / (hot - cold) for m in ("mortar", "node")}
 for method, value in errors.items():
     print(f"{method:7s} largest error of the temperature {value:.1e} of the difference")
@@ -85,37 +87,46 @@ for method in list(errors):
     result = sc.ContactSolver([plate, foot], [solder(method)]).solve()
     flux = -result.pressure  # heat leaves the foot: what flows into the secondary is negative
     worst = np.abs(flux - q).max() / q
-    print(f"{method:7s} largest error of the flux {worst:.1e}; heat flow {flux @ result.area:.6g} W/m")
+    print(f"{method:7s} largest error of the flux {worst:.1e}; heat flow {flux @ result.area:.6g} W")
     errors[method + " flux"] = worst
-    results[method] = result.points[:, 0], flux
+    results[method] = result.points, flux
 
-# %% the field, and the flux along the interface
-figure, (field, along) = plt.subplots(1, 2, figsize=(10, 4.4), layout="constrained")
-start = 0
-for basis in (plate_basis, foot_basis):
-    values = T[start : start + basis.N]
-    start += basis.N
-    corners = values[basis.nodal_dofs[0]]
-    image = field.tripcolor(
-        *basis.mesh.p, basis.mesh.t.T, corners, shading="gouraud", cmap="inferno", vmin=cold, vmax=hot
+# %% the field on the faces in front, and the flux over the interface
+figure = plt.figure(figsize=(10, 4.4), layout="constrained")
+grid = figure.add_gridspec(1, 3, width_ratios=[1.1, 1, 1])
+solid = figure.add_subplot(grid[0], projection="3d")
+colours = plt.Normalize(cold, hot)
+for basis, values in ((plate_basis, T[: plate.n]), (foot_basis, T[plate.n :])):
+    mesh = basis.mesh
+    outer = mesh.facets.T[mesh.boundary_facets()]
+    middle = mesh.p[:, outer].mean(axis=2)
+    seen = outer[(middle[0] == 1) | (middle[1] == 0) | (middle[2] == 1)]
+    faces = Poly3DCollection(mesh.p.T[seen], edgecolor="white", lw=0.3)
+    faces.set_facecolor(
+        plt.get_cmap("inferno")(colours(values[basis.nodal_dofs[0]][seen].mean(axis=1)))
     )
-    field.triplot(*basis.mesh.p, basis.mesh.t.T, color="white", lw=0.3, alpha=0.5)
-figure.colorbar(image, ax=field, label="temperature [°C]")
-field.text(0.5, 0.5, "copper", ha="center", color="black")
-field.text(0.5, -0.5, "steel", ha="center", color="white")
-field.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="two meshes that do not match")
-for method, (x, flux) in results.items():
-    i = np.argsort(x)
-    along.plot(
-        x[i], 1e-3 * flux[i], "o-", ms=3, label={"mortar": "mortar", "node": "node by node"}[method]
+    solid.add_collection3d(faces)
+solid.set(xlim=(0, 1), ylim=(0, 1), zlim=(-1, 1), title="copper on steel, soldered")
+solid.set_box_aspect((1, 1, 2), zoom=1.15)
+solid.view_init(20, -60)
+solid.axis("off")
+shades = plt.cm.ScalarMappable(colours, "inferno")
+figure.colorbar(shades, ax=solid, label="temperature [°C]", shrink=0.8)
+for column, (method, (points, flux)) in enumerate(results.items(), start=1):
+    ax = figure.add_subplot(grid[column])
+    dots = ax.scatter(
+        points[:, 0], points[:, 1], c=1e-3 * flux, s=90, vmin=2.5, vmax=4.6, cmap="coolwarm"
     )
-along.axhline(1e-3 * q, color="k", lw=0.8, ls=":", label="exact")
-along.set(xlabel="place along the interface [m]", ylabel="heat flux [kW/m²]", ylim=(0, None))
-along.legend(frameon=False, loc="lower right")
-along.spines[["top", "right"]].set_visible(False)
+    ax.set(
+        aspect="equal",
+        xlabel="x [m]",
+        ylabel="y [m]",
+        title={"mortar": "mortar", "node": "node by node"}[method],
+    )
+figure.colorbar(dots, ax=figure.axes[-2:], label=f"heat flux [kW/m²]; exact {1e-3 * q:.2f}", shrink=0.7)
 figure.savefig(out / "heat_across_interface.png", dpi=100)
 
 # %% Check what the first lines say
-assert 0.15 < errors["node flux"] < 0.25
+assert 0.25 < errors["node flux"] < 0.32
 error = max(errors["mortar"], errors["mortar flux"])
 print(f"error {error:.1e}")

@@ -3,8 +3,9 @@ r"""Squeal: a brake pad on a sliding belt vibrates by itself above some coeffici
        held, moved along
       __________________
      |                  |
-     |       pad        |         the belt is rigid, and slides on steadily
-     |__________________|
+     |       pad        |         20 x 8 x 10 mm, of which half is meshed: modes that are
+     |                  |         alike on both sides of its middle plane;
+     |__________________|         the belt is rigid, and slides on steadily
     ------------------------  -->
 
 All points slide on, and in a vibration their friction follows the pressure: the equations of motion
@@ -34,10 +35,13 @@ pressed, moved = 0.02, 0.4  # the way of the pad's back: so far that all points 
 pair = slice(3, 5)  # the modes that meet, counted from zero
 
 # %% The pad
-mesh = fem.MeshQuad.init_tensor(np.linspace(0, 20, 25), np.linspace(0, 10, 13)).with_defaults()
-basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
-pad = sc.Body(basis, steel, D="top", x={"top": (moved, -pressed)}, name="pad")
-belt = sc.RigidPlane((0, 0), (0, 1), name="belt")
+x, y, z = np.linspace(0, 20, 13), np.linspace(0, 4, 3), np.linspace(0, 10, 7)
+sides = {"bottom": lambda x: x[2] == 0, "top": lambda x: x[2] == 10, "cut": lambda x: x[1] == 0}
+mesh = fem.MeshHex.init_tensor(x, y, z).with_boundaries(sides)
+basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
+D = np.union1d(basis.get_dofs("top").all(), basis.get_dofs("cut").all("u^2"))
+pad = sc.Body(basis, steel, D=D, x={"top": (moved, 0.0, -pressed)}, name="pad")
+belt = sc.RigidPlane((0, 0, 0), (0, 0, 1), name="belt")
 lining = sc.Contact(pad.surface("bottom"), belt, friction=sc.Coulomb(0.1), name="lining")
 smooth = sc.ContactSolver(pad, lining)
 
@@ -60,7 +64,15 @@ for mu in (0.05, 0.15, 0.2, 0.25, 0.3):
 # %% Lock-in over friction
 mus = np.linspace(0.02, 0.3, 29)
 swept = [modes(mu) for mu in mus]
-figure, (above, below_it) = plt.subplots(2, 1, figsize=(6.5, 5.5), sharex=True, layout="constrained")
+figure, axes = plt.subplot_mosaic(
+    "SA;SB", figsize=(10, 4.6), per_subplot_kw={"S": {"projection": "3d"}}, layout="constrained"
+)
+result = smooth.with_friction(sc.Coulomb(mus[-1])).solve()
+shape = swept[-1].shapes[pair][0].real
+sc.plot_deformed(result, scale=1.0, u=2 * shape / np.abs(shape).max(), ax=axes["S"], obstacles=False)
+axes["S"].set_title("the mode that grows, half of the pad")
+above, below_it = axes["A"], axes["B"]
+above.sharex(below_it)
 above.plot(mus, np.array([m.frequency[pair] for m in swept]) / 1e3, "o-", ms=3, color="#20618d")
 above.set(ylabel="frequency [kHz]", title="two modes of a pad that slides on")
 below_it.plot(mus, np.array([m.growth[pair] for m in swept]) / 1e3, "o-", ms=3, color="#b5441c")
@@ -71,14 +83,14 @@ figure.savefig(out / "squeal.png", dpi=80)
 plt.close(figure)
 
 # %% Where they meet: the first coefficient at which a mode grows
-low, high = 0.2, 0.3
+low, high = 0.1, 0.3
 while high - low > 1e-7:
     middle = 0.5 * (low + high)
     grows = modes(middle).growth[pair].max() > 0
     low, high = (low, middle) if grows else (middle, high)
 
 # %% The same from below, where nothing grows
-below = np.linspace(0.19, low - 0.005, 6)
+below = np.linspace(low - 0.03, low - 0.005, 6)
 squares = np.array([(2 * np.pi * modes(mu).frequency[pair]) ** 2 for mu in below])
 apart = np.diff(squares, axis=1)[:, 0] ** 2
 by_mu = np.polynomial.Polynomial.fit(below, apart, 4)
