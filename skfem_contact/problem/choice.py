@@ -21,6 +21,7 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.remote import check_whole
 from skfem_contact.bodies.system import System
+from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.direct import Direct, as_linear_solver
 from skfem_contact.linalg.multifrontal.fronts import FactorSize
@@ -226,7 +227,7 @@ class Choice:
                 return Direct()
             from skfem_contact.linalg.amg import AMG
 
-            return AMG(max_iterations=CYCLES) if self.few_steps else AMG()
+            return AMG(tol=COMPUTED, max_iterations=CYCLES) if self.few_steps else AMG()
         return self.linear
 
     def sizes(self) -> dict[str, FactorSize]:

@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import A_TENTH, ALONE, SAGITTA
+from skfem_contact.answers.thresholds import A_TENTH, ALONE, OVERLAP, SAGITTA
 from skfem_contact.answers.validity.chords import bends, drawn_off, kinked_faces
 from skfem_contact.answers.validity.deformed_boundaries import (
     Boundary,
@@ -198,7 +198,8 @@ class Overlaps:
     ) -> bool:
         """Whether points of one side of a contact lie in the other body, deeper than their bound.
 
-        The bound is the lower one of `ContactValidity.excess`, with what is known of the approach.
+        The bounds are those of `ContactValidity.excess`, with what is known of the approach: the lower
+        one where steps look seldom, the other one where they look always.
         """
         side, chords = sides_of(self.contacts[i])[k], self.chords[i]
         # what supports hold in the other body is warned of as that
@@ -209,7 +210,7 @@ class Overlaps:
             (nodes[k][free], chords[1 - k]),
             (between.reshape(-1, side.dim), sum(chords)),
         ):
-            bound = max(explained + ALONE * approach, noise)
+            bound = max(explained + (ALONE if i in self.near else OVERLAP) * approach, noise)
             points = points[within(points, other.box)]
             if not len(points):
                 continue
