@@ -104,22 +104,27 @@ class Choice:
             from skfem_contact.linalg.amg import AMG  # few choose it
 
             return "multigrid" if isinstance(self.linear, AMG) else "full"
-        if isinstance(self.linear, str) and (self.few_steps or self.factor_bytes > self.limits.factors):
+        if self.chooses and (self.few_steps or self.factor_bytes > self.limits.factors):
             return "multigrid"
         if self.dense_bytes > self.limits.dense:
             return "iterated"
         return "iterated" if 0 < self.steps < self.pays_from else "condensed"
 
     @property
+    def chooses(self) -> bool:
+        """Whether the backend is left to this choice, as by "auto"."""
+        return isinstance(self.linear, str) and self.by_memory
+
+    @property
     def few_steps(self) -> bool:
         """Whether multigrid takes less time than factors for the load steps that are known to come."""
-        return self.plain and 0 < self.steps < self.factors_pay_from
+        chosen = self.chooses and self.plain  # else nobody asks, and ranks have no matrix to count
+        return chosen and 0 < self.steps < self.factors_pay_from
 
     @property
     def condensable(self) -> bool:
         """Whether memory allows to condense the bodies, where another route may be quicker."""
-        own = isinstance(self.linear, str) and self.by_memory
-        fits = own and self._factor_bound <= self.limits.factors
+        fits = self.chooses and self._factor_bound <= self.limits.factors
         return fits and self.dense_bytes <= self.limits.dense
 
     def expecting(self, steps: float) -> Choice:
