@@ -118,8 +118,7 @@ class Choice:
     @property
     def few_steps(self) -> bool:
         """Whether multigrid takes less time than factors for the load steps that are known to come."""
-        chosen = self.chooses and self.plain  # else nobody asks, and ranks have no matrix to count
-        return chosen and 0 < self.steps < self.factors_pay_from
+        return 0 < self.steps < self.factors_pay_from
 
     @property
     def condensable(self) -> bool:
@@ -146,7 +145,9 @@ class Choice:
 
     @cached_property
     def factors_pay_from(self) -> float:
-        """Number of load steps from which on factors take less time than multigrid."""
+        """Number of load steps from which on factors take less time than multigrid, zero if always."""
+        if not (self.chooses and self.plain):  # nobody asks, and ranks have no matrix to count
+            return 0.0
         bodies = zip(self.system.bodies, self.stiffness, strict=True)
         cubes = sum(float(_cut(K, body.dof_points)) ** 3 for body, K in bodies)
         entries = sum(K.nnz for K in self.stiffness)
@@ -177,7 +178,7 @@ class Choice:
         most = f"max_dense_bytes allows {written_bytes(self.limits.dense)}"
         pays = f"they pay from {math.ceil(self.pays_from)} load steps on"
         if self.route == "condensed":
-            if self.plain and self.factors_pay_from > 1:
+            if self.factors_pay_from > 1:
                 most += f"; factors pay from {math.ceil(self.factors_pay_from)} load steps on"
             return f"{most}; {pays}" if self.pays_from > 1 else most
         if self.dense_bytes <= self.limits.dense:
