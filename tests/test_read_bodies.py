@@ -218,6 +218,7 @@ def test_what_can_not_be_read_is_answered(tmp_path, monkeypatch):
     refused("can not be read by meshio", tmp_path / "two.xyz", STEEL)
     refused("no such body; did you mean 'low'", path, STEEL, settings={"lwo": {}})
     refused("no such tag of cells", path, STEEL, bodies={"a": "middle"})
+    refused("'a' has no tags", path, STEEL, bodies={"a": []})
     refused("nothing for 'high'", path, {"low": STEEL})
     refused("write material", path, materials=STEEL)
     sets = {"a": [[0, 1]], "b": [[1, 2]]}
