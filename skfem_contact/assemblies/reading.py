@@ -247,7 +247,7 @@ class Groups:
                 names = [tags] if isinstance(tags, str) else list(tags)
                 lost = next((name for name in names if name not in there), None)
                 if not names:
-                    raise InputError(f"bodies: {str(body)!r} has no tags; give {{'body': ['tag', ...]}}")
+                    raise InputError(f"{str(body)!r} has no tags: give {{'body': ['tag', ...]}}")
                 if lost is not None:
                     raise InputError(
                         f"bodies: {str(body)!r} is to have {shown(lost)}, and {self.file} has no such "
