@@ -57,6 +57,7 @@ from typing import TYPE_CHECKING, Any
 _COLLECTS = gc.isenabled()
 gc.disable()
 try:
+    from skfem_contact.arguments import did_you_mean
     from skfem_contact.assemblies.bolt import Bolt
     from skfem_contact.bodies.body import Body
     from skfem_contact.conditions.contact import Contact
@@ -147,7 +148,7 @@ __all__ = [
 
 __version__ = "0.2.0"
 
-#: Where the names stand that are imported when they are first asked for, and packages (empty).
+#: Where the names stand that are imported when they are first asked for.
 _LATER = {
     "Elastic": "materials.elastic",
     "J2": "materials.plasticity",
@@ -198,9 +199,11 @@ def __getattr__(name: str) -> Any:
 
 
 def _elsewhere(name: str) -> str:
-    """Which package has a name that is not at the top."""
+    """Where a name is that is not at the top, or what is like it; Python asks for private ones."""
+    if name.startswith("_"):
+        return ""
     has = [p for p in _PACKAGES if name in getattr(import_module(f"{__name__}.{p}"), "__all__", ())]
-    return f": it is in {__name__}.{has[0]}" if has else ""
+    return f": it is in {__name__}.{has[0]}" if has else did_you_mean(name, __all__)
 
 
 def __dir__() -> list[str]:

@@ -213,6 +213,8 @@ def test_only_what_is_listed_is_public():
         assert all(hasattr(place, name) for name in place.__all__) and set(place.__all__) <= shown
     with pytest.raises(AttributeError, match=r"no attribute 'AMG': it is in skfem_contact\.linalg"):
         _ = sc.AMG
+    with pytest.raises(AttributeError, match="no attribute 'Contat'; did you mean 'Contact'"):
+        _ = sc.Contat
 
 
 def test_the_page_names_what_is_public():

@@ -61,13 +61,9 @@ class Table(Named[T]):
         return [self.heads, *(tuple(map(_shown, row)) for row in self.rows)]
 
     def __str__(self) -> str:
-        cells = self._cells()
-        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
         # columns of numbers stand to the right
         first = (self.rows or [self.heads])[0]
-        put = [str.ljust if isinstance(v, str) or np.ndim(v) else str.rjust for v in first]
-        lines = ["  ".join(map(lambda f, c, w: f(c, w), put, row, widths)) for row in cells]
-        return "\n".join(line.rstrip() for line in lines)
+        return aligned(self._cells(), [isinstance(v, str) or np.ndim(v) > 0 for v in first])
 
     __repr__ = __str__
 
@@ -99,6 +95,19 @@ class Table(Named[T]):
             else:
                 columns |= {f"{head} {a}": x for a, x in zip("xyz", np.transpose(values), strict=False)}
         return pandas.DataFrame(columns)
+
+
+def aligned(rows: Sequence[Sequence[str]], left: Sequence[bool]) -> str:
+    """Lines of columns, to the left or to the right each.
+
+    >>> print(aligned([("name", "size"), ("rim", "0.5")], (True, False)))
+    name  size
+    rim    0.5
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    put = [str.ljust if to_left else str.rjust for to_left in left]
+    lines = ["  ".join(map(lambda f, c, w: f(c, w), put, row, widths)) for row in rows]
+    return "\n".join(line.rstrip() for line in lines)
 
 
 def _shown(value: Any) -> str:

@@ -22,6 +22,7 @@ International Journal of Mechanical Sciences 75 (2013).
 
 from __future__ import annotations
 
+from textwrap import indent
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.tangent.modes import Modes, mass
 from skfem_contact.arguments import check_kind, numbers, shown
+from skfem_contact.assemblies.joints import aligned
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, warn
 from skfem_contact.history.load_step import recover_all
@@ -122,12 +124,8 @@ class Damping:
         for name, change in self.bolts.items():
             head.append(f"force of {name}")
             rows = [[*row, f"{value:+.6g}"] for row, value in zip(rows, change, strict=True)]
-        widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-        lines = [
-            "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
-            for row in [head, *rows]
-        ]
-        return f"damping of a mode of frequency {self.linear:.6g}\n  " + "\n  ".join(lines)
+        table = indent(aligned([head, *rows], [False] * len(head)), "  ")
+        return f"damping of a mode of frequency {self.linear:.6g}\n{table}"
 
 
 def damping(
