@@ -178,6 +178,34 @@ def test_steps_that_multigrid_is_not_prepared_for_have_factors(quick_multigrid):
         assert choice.factors_pay_from > 2 and choice.route == "multigrid"
 
 
+def test_springs_that_hold_a_loose_body_change_no_route(quick_multigrid):
+    """Springs hold it while its place is looked for; what was chosen for it holds for them, too."""
+    one = pressed()
+    bodies, given = one.system.bodies, one.contacts[0]
+    free = sc.Body(bodies[1].basis, bodies[1].form, f={"top": (0.0, 0.0, -1e-3)}, name="punch")
+    solver = sc.ContactSolver([bodies[0], free], [sc.Contact(free.surface("bottom"), given.primary)])
+    sprung = solver.linear_model.expecting(1).with_springs(np.ones(solver.system.n))
+    assert not sprung.choice.few_steps and sprung.route == "condensed"
+    with pytest.warns(sc.ContactWarning, match="indifferent"):
+        assert solver.solve().certificate.worst < 1e-9
+
+
+def test_light_contact_after_a_long_way_has_factors_after_all(quick_multigrid):
+    """Multigrid leaves a share of the load, which moves the body: a large one of small forces."""
+    for light, route in ((0.04, "multigrid"), (1e-4, "condensed")):
+        found = []
+        for given in ({}, {"linear": "condensed"}):
+            block, punch = blocks(0.3)
+            # all that the supports of the punch move it by but for the last bit is taken up by the gap
+            contact = sc.Contact(punch.surface("bottom"), block.surface("top"), gap=1.0)
+            solver = sc.ContactSolver([block, punch], [contact], **given)
+            found.append(solver.solve(x={"punch": {"top": (0.0, 0.0, -1.0 - light)}}))
+            assert given or solver.linear_model.route == route
+        result, with_factors = found
+        assert result.certificate.equilibrium < 1e-9
+        assert_allclose(result.force, with_factors.force, rtol=0, atol=1e-8 * abs(result.force[2]))
+
+
 @pytest.mark.filterwarnings("ignore:Body '.*' locks")
 @pytest.mark.parametrize(("nu", "route"), [(0.49, "multigrid"), (0.495, "condensed")])
 def test_what_takes_many_cycles_has_factors_after_all(quick_multigrid, nu, route):

@@ -186,7 +186,10 @@ class LinearModel:
         parts_now = self.substructures or [None] * len(stiffness)
         reuse = [None if i in changed else part for i, part in enumerate(parts_now)]
         motions = rigid_motions(self.system, self.kin, stiffness)
-        return self._anew(stiffness, motions, reuse, self.choice.steps)
+        twin = self._anew(stiffness, motions, reuse, self.choice.steps)
+        # one of the pattern of K and of what supports hold, which springs that are added do not change
+        vars(twin)["choice"] = self.choice
+        return twin
 
     def _anew(
         self,
