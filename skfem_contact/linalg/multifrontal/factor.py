@@ -29,7 +29,7 @@ from __future__ import annotations
 import math
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,19 +37,18 @@ from scipy.linalg.blas import dgemm, dsyrk, dtrsm, dtrsv, strsv
 from scipy.linalg.lapack import dpotrf
 
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.dense_factors import blocks, mirror
+from skfem_contact.linalg.dense_factors import mirror
 from skfem_contact.linalg.multifrontal.fronts import (
-    Leftovers,
+    Fronts,
     Pattern,
     checked_matrix,
     dense_block,
-    extend_add,
     find_runs,
     panels,
 )
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.linalg.singular import NotPositiveDefinite, smallest_eigenvalue
-from skfem_contact.linalg.thresholds import LEAF, LOST, NEGLIGIBLE, SUSPICIOUS
+from skfem_contact.linalg.thresholds import LEAF, LOST, NEGLIGIBLE, ROWS_AT_ONCE, SUSPICIOUS
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -272,11 +271,11 @@ class MultifrontalCholesky:
             F11, F21 = panels[f]
             p, b = F21.shape
             F22 = leftovers.take(f)
-            for some in blocks(b):  # memory that is touched for the first time takes long: half of it
-                F22[some, some.start :] = 0.0
+            for k in range(0, b, ROWS_AT_ONCE):  # to touch memory the first time takes long: half of it
+                F22[k : k + ROWS_AT_ONCE, k:] = 0.0
             for child in children[f]:
                 rows, alone = fronts.target[first[child] : first[child + 1]], child == children[f][0]
-                extend_add(F11, F21, F22, left.pop(child), rows, runs[child], alone)
+                _extend_add(F11, F21, F22, left.pop(child), rows, runs[child], alone)
             leftovers.give_back(children[f])
             if f == len(panels) - 1:
                 break  # what is kept is not eliminated
@@ -323,8 +322,67 @@ class MultifrontalCholesky:
                 y[:] = dtrsm(1.0, L11.T, less, side=1, lower=1, overwrite_b=1).T
 
 
-if TYPE_CHECKING:
-    from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
+class Leftovers:
+    """Memory of what fronts leave to their parents: one array for all, filled from both ends.
+
+    Fronts of even depth take from its beginning, those of odd depth from its end. So the children of
+    a front, which are given back when it is done, are always the last ones taken at their end, and
+    memory is touched for the first time once, not in every front: that took as long as the additions.
+    """
+
+    def __init__(self, fronts: Fronts) -> None:
+        self._sizes = np.diff(fronts.first).tolist()
+        self._odd = fronts.odd
+        self._memory = np.empty(fronts.waiting)
+        self._used = [0, 0]  # entries at either end
+
+    def take(self, front: int) -> np.ndarray:
+        """A square for the border of a front, with whatever was there."""
+        b, odd = self._sizes[front], self._odd[front]
+        begin = self._used[odd] if not odd else self._memory.size - self._used[odd] - b * b
+        self._used[odd] += b * b
+        return self._memory[begin : begin + b * b].reshape(b, b)
+
+    def give_back(self, children: list[int]) -> None:
+        """Return what the children of one front took is free again."""
+        for child in children:
+            self._used[self._odd[child]] -= self._sizes[child] ** 2
+
+
+def _extend_add(
+    F11: np.ndarray,
+    F21: np.ndarray,
+    F22: np.ndarray,
+    C: np.ndarray,
+    rows: np.ndarray,
+    runs: list[tuple[int, int, int]],
+    first: bool,
+) -> None:
+    """Add what a child left over; only the lower triangles count (here: upper, transposed).
+
+    With the `first` child of a front `F22` holds zeros as yet: it is written, which is quicker.
+    """
+    p = len(F11)
+    if 6 * (len(runs) + 1) > len(rows):  # scattered: one by one
+        k = int(rows.searchsorted(p))
+        near, far = rows[:k], rows[k:] - p
+        F11[near[:, None], near] += C[:k, :k]
+        F21[near[:, None], far] += C[:k, k:]
+        F22[far[:, None], far] += C[k:, k:]
+        return
+    pivots = [run for run in runs if run[2] < p]
+    border = [(a, b, i - p) for a, b, i in runs[len(pivots) :]]
+    for number, (a, b, i) in enumerate(pivots):
+        for c, d, j in pivots[number:]:
+            F11[i : i + b - a, j : j + d - c] += C[a:b, c:d]
+        for c, d, j in border:
+            F21[i : i + b - a, j : j + d - c] += C[a:b, c:d]
+    for number, (a, b, i) in enumerate(border):
+        for c, d, j in border[number:]:
+            if first:
+                F22[i : i + b - a, j : j + d - c] = C[a:b, c:d]
+            else:
+                F22[i : i + b - a, j : j + d - c] += C[a:b, c:d]
 
 
 class SurfaceResponse:

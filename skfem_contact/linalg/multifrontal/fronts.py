@@ -7,7 +7,7 @@ of the box left over. The last front holds the DOFs that are kept and eliminates
 Positions count DOFs in the order of elimination, deepest boxes first, so that the pivots of
 front f are the positions ``start[f]`` to ``start[f + 1]`` and all of its border comes later.
 
-Numbers: where they are kept in the fronts, and how fronts add up.
+Numbers: where they are kept in the fronts.
 
 From the pattern alone it is known how large a factorisation will be.
 """
@@ -359,69 +359,6 @@ def panels(data: np.ndarray, fronts: Fronts) -> list[tuple[np.ndarray, np.ndarra
         (data[o : o + p * p].reshape(p, p), data[o + p * p : o + p * (p + b)].reshape(p, b))
         for o, (p, b) in zip(begin[:-2], sizes, strict=False)  # without what is kept
     ]
-
-
-class Leftovers:
-    """Memory of what fronts leave to their parents: one array for all, filled from both ends.
-
-    Fronts of even depth take from its beginning, those of odd depth from its end. So the children of
-    a front, which are given back when it is done, are always the last ones taken at their end, and
-    memory is touched for the first time once, not in every front: that took as long as the additions.
-    """
-
-    def __init__(self, fronts: Fronts) -> None:
-        self._sizes = np.diff(fronts.first).tolist()
-        self._odd = fronts.odd
-        self._memory = np.empty(fronts.waiting)
-        self._used = [0, 0]  # entries at either end
-
-    def take(self, front: int) -> np.ndarray:
-        """A square for the border of a front, with whatever was there."""
-        b, odd = self._sizes[front], self._odd[front]
-        begin = self._used[odd] if not odd else self._memory.size - self._used[odd] - b * b
-        self._used[odd] += b * b
-        return self._memory[begin : begin + b * b].reshape(b, b)
-
-    def give_back(self, children: list[int]) -> None:
-        """Return what the children of one front took is free again."""
-        for child in children:
-            self._used[self._odd[child]] -= self._sizes[child] ** 2
-
-
-def extend_add(
-    F11: np.ndarray,
-    F21: np.ndarray,
-    F22: np.ndarray,
-    C: np.ndarray,
-    rows: np.ndarray,
-    runs: list[tuple[int, int, int]],
-    first: bool,
-) -> None:
-    """Add what a child left over; only the lower triangles count (here: upper, transposed).
-
-    With the `first` child of a front `F22` holds zeros as yet: it is written, which is quicker.
-    """
-    p = len(F11)
-    if 6 * (len(runs) + 1) > len(rows):  # scattered: one by one
-        k = int(rows.searchsorted(p))
-        near, far = rows[:k], rows[k:] - p
-        F11[near[:, None], near] += C[:k, :k]
-        F21[near[:, None], far] += C[:k, k:]
-        F22[far[:, None], far] += C[k:, k:]
-        return
-    pivots = [run for run in runs if run[2] < p]
-    border = [(a, b, i - p) for a, b, i in runs[len(pivots) :]]
-    for number, (a, b, i) in enumerate(pivots):
-        for c, d, j in pivots[number:]:
-            F11[i : i + b - a, j : j + d - c] += C[a:b, c:d]
-        for c, d, j in border:
-            F21[i : i + b - a, j : j + d - c] += C[a:b, c:d]
-    for number, (a, b, i) in enumerate(border):
-        for c, d, j in border[number:]:
-            if first:
-                F22[i : i + b - a, j : j + d - c] = C[a:b, c:d]
-            else:
-                F22[i : i + b - a, j : j + d - c] += C[a:b, c:d]
 
 
 @dataclass(frozen=True)
