@@ -31,7 +31,7 @@ from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.elimination.thresholds import AGREEMENT
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.krylov import gmres
-from skfem_contact.loops.complementarity import Projection
+from skfem_contact.loops.complementarity import Projection, largest_force
 from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.thresholds import MOST_MOVES, ROUNDED, SLOW
 from skfem_contact.problem.response import Response
@@ -77,19 +77,19 @@ class Rested:
 
 
 def through_springs(loop: Iteration, step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
-    """A loop, again and again, while springs have a strain; without springs, once.
+    """A loop, again and again, while the springs that points are seen through have a strain.
 
     Rest forces follow the forces of one answer after the other. What springs come to under the
     conditions of the first is tried before: it is the answer unless points change then.
     """
     at, rest = step, None
-    if guess.near and step.problem.springs is not None:
+    if guess.near:
         rest = np.column_stack([guess.normal_force, guess.tangential_force])
         at = _at_rest(step, rest)
     change, least = np.zeros(0), np.inf
     while True:
         for iterate in loop(at, guess, tolerance):
-            if iterate.converged and step.problem.springs is not None:
+            if iterate.converged:
                 break
             yield iterate
         p, before = _forces(iterate.response), change
@@ -189,7 +189,7 @@ def _lost(step: Step, iterate: Iterate, change: Array, slow: bool) -> bool:
     assert step.problem.springs is not None
     strain = size_of(step.problem.springs[:, None] * change)
     known = AGREEMENT * _extent(step) if slow else _round_off(step, iterate.response)
-    return strain <= known or size_of(change) <= SOLVED * iterate.response.largest_force
+    return strain <= known or size_of(change) <= SOLVED * largest_force(iterate.response)
 
 
 def _forces(response: Response) -> Array:
