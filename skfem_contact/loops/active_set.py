@@ -74,9 +74,18 @@ def direct(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
 
 
 def _until_rested(loop: Iteration, step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
-    """A loop, again and again where points are seen through springs, until these have no strain."""
-    again = loop if step.problem.springs is None else partial(through_springs, loop)
-    return again(step, guess, tolerance)
+    """A loop; once more, again and again, where points are seen through springs that have a strain.
+
+    Some problems find out on the way that rows depend on each other.
+    """
+    known: list[Iterate] = []
+    if not guess.near or step.problem.springs is None:
+        for iterate in loop(step, guess, tolerance):
+            if iterate.converged and step.problem.springs is not None:
+                known = [iterate]
+                break
+            yield iterate
+    yield from through_springs(loop, step, guess, tolerance, known)
 
 
 def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> Iterator[Iterate]:

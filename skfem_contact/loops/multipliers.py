@@ -16,8 +16,9 @@ beyond its bound slip. Where v holds points together by their normal forces alon
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,19 +77,23 @@ class Rested:
     strained: bool
 
 
-def through_springs(loop: Iteration, step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
+def through_springs(
+    loop: Iteration, step: Step, guess: Guess, tolerance: float, known: Sequence[Iterate] = ()
+) -> Iterator[Iterate]:
     """A loop, again and again, while the springs that points are seen through have a strain.
 
     Rest forces follow the forces of one answer after the other. What springs come to under the
-    conditions of the first is tried before: it is the answer unless points change then.
+    conditions of the first is tried before: it is the answer unless points change then. `known` is the
+    answer with springs that have no forces, where it is known.
     """
     at, rest = step, None
-    if guess.near:
+    if guess.near and not known:
         rest = np.column_stack([guess.normal_force, guess.tangential_force])
         at = _at_rest(step, rest)
     change, least = np.zeros(0), np.inf
+    iterates: Iterable[Iterate] = chain(known, loop(at, guess, tolerance))
     while True:
-        for iterate in loop(at, guess, tolerance):
+        for iterate in iterates:
             if iterate.converged:
                 break
             yield iterate
@@ -117,7 +122,7 @@ def through_springs(loop: Iteration, step: Step, guess: Guess, tolerance: float)
                 way = _forces(found.response) - p
                 p = p + min(1.0, _until_one_changes(step, iterate, p, way)) * way
         rest = p
-        at, guess = _moved_to(step, p, iterate)
+        iterates = loop(*_moved_to(step, p, iterate), tolerance)
 
 
 def _without_friction(step: Step, iterate: Iterate) -> Array:
