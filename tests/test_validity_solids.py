@@ -236,7 +236,7 @@ def pulled(block, part, u):
 def spoiled(answer, u):
     wrong = replace(answer)
     vars(wrong)["u"] = u
-    wrong.diagnose(replace(answer.diagnostics, meetings={}))  # what the step has measured
+    wrong.diagnostics = replace(answer.diagnostics, meetings={})  # what the step has measured
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return sc.answers.ContactResult(wrong).validity
@@ -441,6 +441,6 @@ def test_boundaries_are_compared_once_for_the_warning_and_the_measure():
     result, _ = quiet(dragged((0.0, 0.0)))
     answer = answer_of(result)
     seen = answer.diagnostics.meetings[0]
-    answer.diagnose(replace(answer.diagnostics, meetings={0: replace(seen, overlap=0.25)}))
+    answer.diagnostics = replace(answer.diagnostics, meetings={0: replace(seen, overlap=0.25)})
     with pytest.warns(sc.ContactWarning, match="overlap by up to 0.25"):
         assert result.validity.contacts["joint"].overlap == 0.25

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.arguments import numbers
-from skfem_contact.arrays import lengths
+from skfem_contact.arrays import lengths, unit_vectors
 from skfem_contact.bodies.selection import written
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
@@ -389,3 +389,36 @@ def steep_words(law: FrictionLaw | None) -> str:
     if mu < STEEP:
         return ""
     return f"up to {np.degrees(np.arctan(mu)):.3g} degrees off the normal (mu = {mu:.6g})"
+
+
+class Slid(Protocol):
+    """A state of friction at the points along the tangents of a pairing; see `state.LocalState`."""
+
+    status: NDArray[np.intp]
+    area: Array
+    reference: Array
+    slip: Array
+    normal_force: Array
+    tangential_force: Array
+
+
+def friction_bound(laws: Laws, state: Slid) -> Array:
+    """Bound of the friction force in a state by the present laws; zero at open points, (m,)."""
+    rule = FrictionRule(laws, state.area, state.reference)
+    closed = state.status > 0
+    return np.where(closed, rule.bound(state.normal_force, state.slip), 0.0)
+
+
+def resisting_slips(laws: Laws, state: Slid, slips: Mask) -> Mask:
+    """Those of points that slip against a bound that grows with the slip: a spring along it, (m,)."""
+    rule = FrictionRule(laws, state.area, state.reference)
+    if rule.steady:
+        return np.zeros(len(slips), dtype=bool)
+    direction = unit_vectors(state.tangential_force)
+    return slips & rule.hardens(direction, state.normal_force, state.slip)
+
+
+def jumps_open(laws: Laws, area: Array, tangents: int, opens: Mask) -> bool:
+    """Whether some friction bound is not zero where nothing presses: it jumps where a point opens."""
+    still, none = np.zeros((len(area), tangents)), np.zeros(len(area))
+    return bool(np.any(FrictionRule(laws, area, still).bound(none, still)[opens] > 0))

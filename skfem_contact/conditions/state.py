@@ -98,9 +98,15 @@ class _History:
         return vars(self) | {"slip": slip, "tangential_force": force, "reference": reference}
 
 
-def _each(kin: Kinematics, of_slip: Array, of_friction: Array) -> Array:
-    """Vectors for slip, friction and reference, (3, m, d-1, d); (m, d-1, d) where they are the same."""
-    return of_slip if kin.scaled is None else np.stack([of_slip, of_friction, of_slip])
+def _each(kin: Kinematics, to_space: bool) -> Array:
+    """Vectors for slip, friction and reference, (3, m, d-1, d); (m, d-1, d) where they are the same.
+
+    Slips are combined of duals and measured along axes, friction the other way round.
+    """
+    if kin.scaled is None:
+        return kin.axes
+    slips, friction = (kin.duals, kin.axes) if to_space else (kin.axes, kin.duals)
+    return np.stack([slips, friction, slips])
 
 
 @dataclass(eq=False)
@@ -114,7 +120,7 @@ class LocalState(_History):
     def in_space(self, kin: Kinematics) -> State:
         """Return the state as vectors in space; `kin` is the pairing that it belongs to."""
         components = self._friction
-        basis = _each(kin, kin.duals, kin.axes)
+        basis = _each(kin, to_space=True)
         if kin.tangents == 1:  # in every step: sums over so few are dear to einsum
             vectors = components * basis[..., 0, :]
         else:
@@ -158,7 +164,7 @@ class State(_History):
         vectors = self._friction
         if self.normal is not kin.normal and not np.array_equal(self.normal, kin.normal):
             vectors = transport(vectors, self.normal, kin.normal)
-        basis = _each(kin, kin.axes, kin.duals)
+        basis = _each(kin, to_space=False)
         if kin.tangents == 1:
             x, y = vectors[..., 0], vectors[..., 1]
             components = (x * basis[..., 0, 0] + y * basis[..., 0, 1])[..., None]

@@ -16,12 +16,13 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.result import ContactResult, falling
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.friction_rule import jumps_open
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium
 from skfem_contact.conditions.statics import drives, escape
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import NoEquilibrium, NotConverged, SingularMatrix
 from skfem_contact.history.grip import Grip
-from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, rough_at_rest
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.stepping import advance
 from skfem_contact.pairing.vertices import Corners
@@ -190,7 +191,8 @@ class EquilibriumSearch:
         if attempt.stateless is not None:
             return Verdict(advice=JUMPS + _stateless(attempt))
         changes = attempt.outcome.iterate.changes
-        if changes and rough_at_rest(interface, attempt.local.area, kin.tangents):
+        opens = attempt.local.area, kin.tangents, ~interface.bilateral
+        if changes and jumps_open(interface.laws, *opens):
             return Verdict(advice=JUMPS + USUALLY)
         return Verdict(carries=carries, advice=TOO_MUCH if attempt.at_limit else USUALLY)
 

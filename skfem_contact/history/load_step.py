@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.placed import Origin
 from skfem_contact.arrays import lengths
-from skfem_contact.conditions.friction_rule import FrictionRule
+from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import OPEN, SLIP, LocalState, State
+from skfem_contact.conditions.state import LocalState, State
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.driver import Outcome
 from skfem_contact.loops.step import Record
@@ -75,7 +75,7 @@ def friction_energy(
     Overlaps of the meshes count as misfit that the loads' work has in it. `plastic` and `bound` are the
     `plastic_slip` between the two and the `friction_bound` of the new one.
     """
-    bounds, way = friction_bound(interface, last) + bound, lengths(plastic)
+    bounds, way = friction_bound(interface.laws, last) + bound, lengths(plastic)
     friction = last.tangential_force + new.tangential_force
     pressing = last.normal_force + new.normal_force
     found = nothing(interface)
@@ -100,36 +100,11 @@ def plastic_slip(interface: Interface, last: LocalState, new: LocalState) -> Arr
     return np.where(interface.frictional[:, None], new.slip - last.slip - elastic, 0.0)
 
 
-def friction_bound(interface: Interface, state: LocalState) -> Array:
-    """Bound of the friction force in a state by the present laws; zero at open points, (m,)."""
-    rule = FrictionRule(interface.laws, state.area, state.reference)
-    bound = rule.bound(state.normal_force, state.slip)
-    bound[state.status == OPEN] = 0.0
-    return bound
-
-
 def posed(
     case: LoadCase, origin: Origin | None, problem: ContactProblem, model: LinearModel
 ) -> LoadCase:
     """A load case as a problem counts it whose unknowns may have an origin."""
     return case if origin is None else origin.seen(case, problem.kin, model)
-
-
-def resisting_slips(interface: Interface, state: LocalState) -> Mask:
-    """Points that slip against a bound that grows with the slip: a spring along it, (m,)."""
-    rule, slips = FrictionRule(interface.laws, state.area, state.reference), state.status == SLIP
-    if rule.steady or not np.count_nonzero(slips):
-        return np.zeros(len(slips), dtype=bool)
-    size = lengths(state.tangential_force)
-    direction = state.tangential_force / np.where(size > 0, size, 1.0)[:, None]
-    return slips & rule.hardens(direction, state.normal_force, state.slip)
-
-
-def rough_at_rest(interface: Interface, area: Array, tangents: int) -> bool:
-    """Whether some friction bound is not zero where nothing presses: it jumps where a point opens."""
-    still = np.zeros((len(area), tangents))
-    bound = FrictionRule(interface.laws, area, still).bound(np.zeros(len(area)), still)
-    return bool(np.any(bound[~interface.bilateral] > 0))  # what is bilateral never opens
 
 
 def nothing(interface: Interface) -> Energy:
@@ -223,7 +198,7 @@ class Attempt:
     @cached_property
     def friction_bound(self) -> Array:
         """Of the friction forces at its end; zero at open points, (m,) [force]."""
-        return friction_bound(self.model.interface, self.local)
+        return friction_bound(self.model.interface.laws, self.local)
 
     @property
     def energy(self) -> Energy:
@@ -269,15 +244,19 @@ class Advance:
     substeps: int = 1
     carried: float | None = None
 
-    def came_to(self, attempt: Attempt, done: float, aim: float) -> None:
-        """The last attempt, at the part of the step between two shares of it."""
-        self.attempt = attempt
-        if attempt.good:
+    def came_to(self, attempt: Attempt, done: float, aim: float) -> bool:
+        """Whether the last attempt has arrived, at the part of the step between two shares of it."""
+        self.attempt, good = attempt, attempt.good
+        self.trace.extend(attempt.outcome.trace)
+        if good:
             self.unsettled = None
+            if attempt.model.interface.laws:
+                self.energy += attempt.energy
         elif attempt.culprit >= 0 and attempt.travel <= 1.0:
             self.unsettled = attempt
         if attempt.carried is not None:
             self.carried = done + (aim - done) * attempt.carried.share
+        return good
 
     @property
     def words(self) -> str:

@@ -52,7 +52,7 @@ class StepReader:
 
     def unloaded(self) -> LoadCase:
         """No load, no prescribed displacement, no interference: where a history begins."""
-        return self._placed(np.zeros(self.kin.m), self._still)
+        return self._placed(np.zeros(self.kin.gap0.shape), self._still)
 
     def resumed(self, start: LoadCase, found: Array) -> LoadCase:
         """The loads of a state to go on from: a multiple of own loads is one of those here.
@@ -100,7 +100,7 @@ class StepReader:
     def _placed(self, interference: Array, motion: tuple[Motion, ...]) -> LoadCase:
         """Gaps and slips with interferences (m,) and obstacles that have moved; no loads."""
         kin = self.kin
-        gap0, slip0 = np.array(kin.gap0), np.zeros((kin.m, kin.tangents))
+        gap0, slip0 = np.array(kin.gap0), np.zeros((len(kin.gap0), kin.tangents))
         gap0 += kin.of_rows(np.concatenate(self._own) - interference)
         for part, moved in zip(self.point_slices, motion, strict=True):
             if moved is not self._still[0]:

@@ -127,23 +127,12 @@ class StepSolver(ByFields):
         if not verdict.reached:
             raise verdict.error(self.stepper.loop, None)
         result = self._answer(found, verdict, time.perf_counter() - begin)
-        if verdict.arrived:
-            diagnostics = self.watch.look(
-                result.state,
-                result.gap,
-                result.worn_case,
-                issued,
-                result.recover.at_contact,
-                lambda: result.u,
-            )
+        arrived = verdict.arrived
+        if arrived:
             leaning = second_order(found.advance.attempt) if found.settled is None else {}
-            if leaning:
-                diagnostics = replace(diagnostics, leaning=leaning)
-            result.diagnose(diagnostics)
-            result.diagnose(self.watch.warn(result))
-            _warn(result)
-            _remark(result, getattr(found, "remarks", {}))
-        if verdict.arrived or not throw:
+            self.watch.look(result, issued, leaning)
+            _tell(result, getattr(found, "remarks", {}))
+        if arrived or not throw:
             return result
         raise verdict.error(self.stepper.loop, ContactResult(result))
 
@@ -225,8 +214,9 @@ class StepSolver(ByFields):
         start = found.start
         if start is not None:
             before = start.dissipation_before + start.dissipation_by_contact
-        message, newton = attempt.reason, Newton(getattr(found, "newton", ()))
-        if attempt.good:  # with all rounds, attempts and substeps that came before the last one
+        newton, good = Newton(getattr(found, "newton", ())), attempt.good
+        message = "" if good else attempt.reason
+        if good:  # with all rounds, attempts and substeps that came before the last one
             message = converged_words(len(way.trace)) + attempt.outcome.note
             message += f" of contact, {len(newton)} of the bodies" if newton else ""
         elif verdict.free is not None:
@@ -242,7 +232,7 @@ class StepSolver(ByFields):
             action=attempt.action,
             plastic_slip=attempt.plastic_slip,
             mismatch=attempt.mismatch,
-            converged=attempt.good,
+            converged=good,
             message=message + way.words,
             trace=tuple(way.trace),
             timings={**model.timings, "loop": seconds},
@@ -272,28 +262,26 @@ class StepSolver(ByFields):
         return () if grip is None else grip.adrift(model.interface)
 
 
-def _warn(result: Answer) -> None:
-    """Warn of places that are indifferent and have not been said to be so in this history."""
-    known = result.diagnostics
-    new = [words for words in result.indifferent if ("place", words) not in known.issued]
-    if not new or not np.any(result.u):
-        return
-    warn(
-        " ".join(new) + " Prescribe a DOF (D=...) if the place matters, or the load should hold it. "
-        "(Said once in a history; result.indifferent has it in every step.)"
-    )
-    issued = known.issued | {("place", words) for words in new}
-    result.diagnose(replace(known, issued=issued))
+def _tell(result: Answer, remarks: dict[str, str]) -> None:
+    """Say what has not been said in this history: of places that are indifferent, and of bodies.
 
-
-def _remark(result: Answer, remarks: dict[str, str]) -> None:
-    """Say what is to be said of bodies that are not linear, once in a history."""
-    known = result.diagnostics
+    `remarks` are sentences on bodies that are not linear, by what they are about.
+    """
+    issued = known = result.diagnostics.issued
+    new = [words for words in result.indifferent if ("place", words) not in known]
+    if new and np.any(result.u):
+        warn(
+            " ".join(new)
+            + " Prescribe a DOF (D=...) if the place matters, or the load should hold it. "
+            "(Said once in a history; result.indifferent has it in every step.)"
+        )
+        issued |= {("place", words) for words in new}
     for about, words in remarks.items():
-        if ("remark", about) not in known.issued:
+        if ("remark", about) not in known:
             warn(words + " (Said once in a history.)")
-    issued = known.issued | {("remark", about) for about in remarks}
-    result.diagnose(replace(known, issued=issued))
+            issued |= {("remark", about)}
+    if issued is not known:
+        result.diagnostics = replace(result.diagnostics, issued=issued)
 
 
 def _issued(start: Known) -> Issued:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -601,11 +601,15 @@ class ContactSolver(Variants):
                 f"steps is {shown(steps)}, not a list of load steps; for a single one write [step]"
             )
         from skfem_contact.history.checkpoint import PartialResults
-        from skfem_contact.history.dry_run import Progress, Silent, count, line, reached
 
-        yielded, total = PartialResults(), count(steps)
+        # of a generator it is not known, nor of what is refused where it is read
+        yielded, total = PartialResults(), len(steps) if isinstance(steps, Sized) else None
         self._expect(math.inf if total is None else total)
-        shown_as = Progress(steps, self.linear_model.prepare) if progress else Silent()
+        shown_as = None
+        if progress:
+            from skfem_contact.history.dry_run import Progress
+
+            shown_as = Progress(total, self.linear_model.prepare)
         try:
             for i, step in enumerate(steps, start=1):
                 logger.debug("step %d begins", i)
@@ -613,18 +617,24 @@ class ContactSolver(Variants):
                 before = self._answered(target, before, known, None, True)
                 known = None
                 if logger.isEnabledFor(logging.INFO):
+                    from skfem_contact.history.dry_run import line
+
                     logger.info("%s", line(i, total, before))
                 result = ContactResult(before)
                 yielded.add(result, self._reader)
-                shown_as.shows(before)
+                if shown_as is not None:
+                    shown_as.shows(before)
                 yield result
         except (Exception, KeyboardInterrupt) as error:
             error.results = yielded.all()  # type: ignore[union-attr]
             if isinstance(error, KeyboardInterrupt) and hasattr(error, "add_note"):
+                from skfem_contact.history.dry_run import reached
+
                 error.add_note(reached(len(error.results), total))  # type: ignore[attr-defined]
             raise
         finally:
-            shown_as.close()
+            if shown_as is not None:
+                shown_as.close()
 
     @known_keywords(**OF_SOLVER)
     def cases(

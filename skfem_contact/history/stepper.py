@@ -11,13 +11,13 @@ from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import Tresca
-from skfem_contact.conditions.friction_rule import FrictionRule
+from skfem_contact.conditions.friction_rule import FrictionRule, jumps_open
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, LocalState, State
 from skfem_contact.conditions.statics import balanced
 from skfem_contact.errors import ConstraintError
 from skfem_contact.history.grip import pins
-from skfem_contact.history.load_step import Attempt, LoadStep, posed, rough_at_rest
+from skfem_contact.history.load_step import Attempt, LoadStep, posed
 from skfem_contact.history.thresholds import NAMED, NOISE
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.complementarity import friction_of_prescribed_slip
@@ -88,7 +88,11 @@ class Stepper(ByFields):
         """Return whether friction jumps where points open, and can be made to rise steeply instead."""
         interface, kin = self.model.interface, self.model.kin
         by_bound = all(law.by_bound for _, law in interface.laws)
-        return by_bound and kin.tangents > 1 and rough_at_rest(interface, kin.area, kin.tangents)
+        return (
+            by_bound
+            and kin.tangents > 1
+            and jumps_open(interface.laws, kin.area, kin.tangents, ~interface.bilateral)
+        )
 
     @property
     def complete(self) -> bool:

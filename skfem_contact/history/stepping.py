@@ -137,22 +137,19 @@ def advance(
         attempt = _first_held(by, part, starts)
         if attempt is None:
             return so_far
-        so_far.trace.extend(attempt.outcome.trace)
-        if freed is not None and not attempt.good:
-            attempt = replace(freed, carried=attempt.carried)
-        so_far.came_to(attempt, parts.done, aim)
-        limit = attempt.at_limit and not attempt.good  # the rest of the starts has nothing to find
+        good = so_far.came_to(attempt, parts.done, aim)
+        if good and aim >= 1.0:
+            return so_far
+        if freed is not None and not good:  # the machine tells only what is carried
+            so_far.attempt = attempt = replace(freed, carried=attempt.carried)
+        limit = not good and attempt.at_limit  # the rest of the starts has nothing to find
         last = len(starts) == 1 or limit or attempt.failure == RAN_AWAY  # wherever it begins
-        lost = not attempt.good and not attempt.stopped and last
-        # what pivoting has left free is doubted as it was: the machine tells only what is carried
+        lost = not good and not attempt.stopped and last
+        # what pivoting has left free is doubted as it was
         doubted = attempt if freed is None else freed
         if lost and doubt is not None and parts.share == 1.0 and doubt(doubted, False):
             return so_far
-        if attempt.good:
-            if interface.laws:
-                so_far.energy += attempt.energy
-            if aim >= 1.0:
-                return so_far
+        if good:
             part = replace(part, state=attempt.state, before=part.target, known=attempt.state)
             starts = by.starts_from(attempt.state)
             so_far.substeps += 1

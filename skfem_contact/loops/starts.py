@@ -178,13 +178,10 @@ def _cold(step: Step) -> Guess:
 
 def natural_state(kin: Kinematics, surface: int) -> State:
     """Before any load: nothing is known to touch, no slip, no friction."""
-    zero = np.zeros((kin.m, kin.tangents))
-    none, status = np.zeros(surface), np.zeros(kin.m, dtype=int)
-    force = np.zeros(kin.m)
-    local = LocalState(
-        status, zero, zero, force, zero, kin.gap0, kin.area, none, none, kin.vertex, force, force
-    )
-    return local.in_space(kin)
+    zero, none, status = np.zeros(kin.normal.shape), np.zeros(surface), np.zeros(kin.gap0.shape, int)
+    force = np.zeros(kin.gap0.shape)
+    still = status, zero, zero, force, zero, kin.gap0, kin.area, none, none, kin.vertex, force, force
+    return State(*still, normal=kin.normal)
 
 
 def as_guess(state: LocalState) -> Guess:

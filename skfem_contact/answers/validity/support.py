@@ -97,6 +97,16 @@ class Support:
         """The motion under prescribed values x (n,), shape (r,)."""
         return np.asarray(self.fit @ x[self.dofs])
 
+    def stretch(self, x: Array, motion: Array | None = None) -> float:
+        """How far values x (n,) are off a rigid motion, over the extent of the body.
+
+        The motion is that of `motion`, where it is known.
+        """
+        if not len(self.dofs):
+            return 0.0
+        rigid = self.unit @ (self.motion(x) if motion is None else motion)
+        return float(np.max(np.abs(x[self.dofs] - rigid))) / self.arm
+
     def at(self, points: Array, motion: Array) -> Array:
         """Displacements of points (m, d) by a motion, shape (m, d)."""
         return np.asarray(unit_motions(points, self.centre, self.arm) @ motion)
