@@ -79,10 +79,11 @@ def radial_return(trial: Array, limit: Array) -> tuple[Array, Mask]:
     (array([[0.6, 0.8],
            [0.3, 0.4]]), array([ True, False]))
     """
+    if trial.shape[1] == 1:
+        force = np.copysign(np.minimum(np.abs(trial), limit[:, None]), trial)
+        return force, np.abs(trial[:, 0]) > limit
     size = lengths(trial)
     slips = size > limit
-    if trial.shape[1] == 1:
-        return np.where(slips[:, None], np.copysign(limit[:, None], trial), trial), slips
     kept = np.divide(limit, size, out=np.ones(len(trial)), where=slips)
     return trial * kept[:, None], slips
 

@@ -100,13 +100,6 @@ def plastic_slip(interface: Interface, last: LocalState, new: LocalState) -> Arr
     return np.where(interface.frictional[:, None], new.slip - last.slip - elastic, 0.0)
 
 
-def posed(
-    case: LoadCase, origin: Origin | None, problem: ContactProblem, model: LinearModel
-) -> LoadCase:
-    """A load case as a problem counts it whose unknowns may have an origin."""
-    return case if origin is None else origin.seen(case, problem.kin, model)
-
-
 def nothing(interface: Interface) -> Energy:
     """No energy lost."""
     contacts = len(interface.point_slices)
@@ -178,7 +171,7 @@ class Attempt:
 
     def posed(self, case: LoadCase) -> LoadCase:
         """A load case as its problem counts it."""
-        return posed(case, self.origin, self.problem, self.model)
+        return case if self.origin is None else self.origin.seen(case, self.problem.kin, self.model)
 
     @cached_property
     def state(self) -> State:

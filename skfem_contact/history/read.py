@@ -1,13 +1,20 @@
-"""Load steps of the user, read as a `LoadCase` over all bodies and contact points."""
+"""Load steps of the user, read as a `LoadCase` over all bodies and contact points.
+
+What a history has come to so far is kept without loads that its steps tell, and put together again by
+reading them (`PartialResults`).
+"""
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import number, numbers, shown, suggest
 from skfem_contact.arrays import check_finite, check_size, same
 from skfem_contact.bodies.member import Member
@@ -300,3 +307,42 @@ def _check_size(array: Array, size: int, what: str) -> None:
         "load is not stacked in the order of the bodies."
     )
     check_size(array, size, what, why)
+
+
+NONE = np.zeros(0)
+
+
+class PartialResults:
+    """Results of one history, in their order; without the loads that a number stands for."""
+
+    def __init__(self) -> None:
+        self._light: list[tuple[Answer, StepReader]] = []
+        self._alive: list[weakref.ref[ContactResult]] = []
+
+    def add(self, answer: Answer, result: ContactResult, reader: StepReader) -> None:
+        """Keep an answer and its result; `reader` knows the loads that a number stands for."""
+        # a number stands for the loads, but not for those of bolts
+        named = answer.factor is None or bool(answer.bolt_names)
+        light = copied(answer) if named else _with_loads(answer, NONE, NONE)
+        self._light.append((light, reader))
+        self._alive.append(weakref.ref(result))
+
+    def all(self) -> tuple[ContactResult, ...]:
+        """The results themselves where they are still held by somebody, and equal ones elsewhere."""
+        found = []
+        for (light, reader), alive in zip(self._light, self._alive, strict=True):
+            result = alive()
+            if result is None:
+                if light.factor is not None and not light.bolt_names:
+                    loads = reader.read(light.factor, light.case)
+                    light = _with_loads(light, loads.f, loads.x)
+                result = ContactResult(light)
+            found.append(result)
+        return tuple(found)
+
+
+def _with_loads(answer: Answer, f: Array, x: Array) -> Answer:
+    """The same answer with other vectors of loads, and without what it remembers."""
+    case = copied(answer.case, f=f, x=x)
+    seen = case if answer.seen is answer.case else copied(answer.seen, f=f, x=x)
+    return copied(answer, case=case, seen=seen, recover=copied(answer.recover, case=case))

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.answer import Answer, answer_of
+from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.newton import Newton
 from skfem_contact.answers.placed import Placed
 from skfem_contact.answers.result import ContactResult
@@ -169,11 +169,15 @@ class StepSolver(ByFields):
         """The state of a result or a file; one of other bodies and contacts is refused."""
         if given is None:
             return None
-        from skfem_contact.history.checkpoint import SavedState
+        start: Answer | SavedState
+        if isinstance(given, ContactResult):
+            start = given._answer
+        else:
+            from skfem_contact.history.checkpoint import SavedState
 
-        usage = "give what solve(...) returned, or load_state(...)"
-        check_kind(given, (ContactResult, SavedState), what, usage)
-        start = given if isinstance(given, SavedState) else answer_of(given)
+            usage = "give what solve(...) returned, or load_state(...)"
+            check_kind(given, (ContactResult, SavedState), what, usage)
+            start = given
         if not self._own(start):
             self.stepper.model.geometry.identity.refuse(start.identity, what)
         if what == "start" and not start.converged:

@@ -45,7 +45,7 @@ from skfem_contact.conditions.motions import rigid_motions
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, LinearSolveError
 from skfem_contact.history.load_step import recover_all
-from skfem_contact.history.read import KEYS, StepReader
+from skfem_contact.history.read import KEYS, PartialResults, StepReader
 from skfem_contact.history.solve_step import StepSolver
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.linalg.multifrontal.fronts import FactorSize
@@ -600,8 +600,6 @@ class ContactSolver(Variants):
             raise InputError(
                 f"steps is {shown(steps)}, not a list of load steps; for a single one write [step]"
             )
-        from skfem_contact.history.checkpoint import PartialResults
-
         # of a generator it is not known, nor of what is refused where it is read
         yielded, total = PartialResults(), len(steps) if isinstance(steps, Sized) else None
         self._expect(math.inf if total is None else total)
@@ -621,7 +619,7 @@ class ContactSolver(Variants):
 
                     logger.info("%s", line(i, total, before))
                 result = ContactResult(before)
-                yielded.add(result, self._reader)
+                yielded.add(before, result, self._reader)
                 if shown_as is not None:
                     shown_as.shows(before)
                 yield result

@@ -17,7 +17,7 @@ from skfem_contact.conditions.state import OPEN, LocalState, State
 from skfem_contact.conditions.statics import balanced
 from skfem_contact.errors import ConstraintError
 from skfem_contact.history.grip import pins
-from skfem_contact.history.load_step import Attempt, LoadStep, posed
+from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.thresholds import NAMED, NOISE
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.complementarity import friction_of_prescribed_slip
@@ -122,7 +122,7 @@ class Stepper(ByFields):
         noise = NOISE * max(target.largest_force, softest * moved)
         with single_threaded():
             seen = geometry.case(kin, problem.u, target, last, to.before)
-            counted = posed(seen, to.origin, problem, self.model)
+            counted = seen if to.origin is None else to.origin.seen(seen, kin, self.model)
             load = problem.load(counted)
             step = self._step(problem, load, last, noise, moved)
             dense = step

@@ -114,7 +114,7 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
             residual,
             converged=not (np.count_nonzero(changing) or kept or response.rough)
             and (residual <= tolerance or search.settled),
-            note=search.note(),
+            note=search.note,
             held=held.motion if held is not None and kept else None,
             # a zone that travels is as far from its end with one tangent as it has points to go
             nearer=search.nearer and not step.turns,

@@ -251,21 +251,19 @@ class LineSearch:
     nearer: bool = False
     at: Response | None = None
     left: float = np.inf
-    share: float = 1.0
-
-    def note(self) -> str:
-        return "" if self.share == 1.0 else f"{self.share:.2g} of a step"
+    note: str = ""
 
     def advance(self, current: Guess, new: Projection, wrong: Mask) -> Guess:
         """The set for the next iterate, by the state at the best share of the way to the new one."""
         # one more iteration tells round-off from what is left of a step
         self.settled = not wrong.any() and (new.left >= self.left or not self.whole)
-        there, self.share, tries = new, 1.0, 0
-        while not (falls := there.left <= (1.0 - DECREASE * self.share) * self.left):
+        there, share, tries = new, 1.0, 0
+        while not (falls := there.left <= (1.0 - DECREASE * share) * self.left):
             if self.at is None or self.whole or tries == HALVINGS:
                 break
-            self.share, tries = 0.5 * self.share, tries + 1
-            there = Projection(new.step, _between(self.at, new.response, self.share))
+            share, tries = 0.5 * share, tries + 1
+            there = Projection(new.step, _between(self.at, new.response, share))
+        self.note = f"{share:.2g} of a step" if tries else ""
         self.nearer = falls and there.left > 0.0
         self.at, self.left = there.response, there.left
         return there.proposal(current)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -97,16 +97,6 @@ class Support:
         """The motion under prescribed values x (n,), shape (r,)."""
         return np.asarray(self.fit @ x[self.dofs])
 
-    def stretch(self, x: Array, motion: Array | None = None) -> float:
-        """How far values x (n,) are off a rigid motion, over the extent of the body.
-
-        The motion is that of `motion`, where it is known.
-        """
-        if not len(self.dofs):
-            return 0.0
-        rigid = self.unit @ (self.motion(x) if motion is None else motion)
-        return float(np.max(np.abs(x[self.dofs] - rigid))) / self.arm
-
     def at(self, points: Array, motion: Array) -> Array:
         """Displacements of points (m, d) by a motion, shape (m, d)."""
         return np.asarray(unit_motions(points, self.centre, self.arm) @ motion)
@@ -120,6 +110,20 @@ class Support:
         """Return whether no open motion moves points along their directions, both (m, d)."""
         moved = self.along(points, direction) @ self.free
         return bool(np.max(np.abs(moved), initial=0.0) < SUPPORTED)
+
+
+def motions_of(supports: Sequence[Support], x: Array) -> list[Array]:
+    """The motion of each of several bodies under prescribed values x (n,), (r,) each."""
+    return [support.motion(x) for support in supports]
+
+
+def off_rigid(supports: Mapping[str, Support], u: Array) -> dict[str, float]:
+    """How far known displacements are off a rigid motion, over the extent of their body, by name."""
+    off = {
+        name: np.max(np.abs(u[s.dofs] - s.unit @ s.motion(u)), initial=0.0)
+        for name, s in supports.items()
+    }
+    return {name: float(size) / supports[name].arm for name, size in off.items()}
 
 
 def unit_motions(points: Array, centre: Array, arm: float) -> Array:

@@ -17,7 +17,7 @@ from skfem_contact.answers.validity.contact_watch import ContactWatch
 from skfem_contact.answers.validity.locking import lockable, may_lock
 from skfem_contact.answers.validity.overlaps import Overlaps
 from skfem_contact.answers.validity.strain import leaning, rigid_rotations
-from skfem_contact.answers.validity.support import Support
+from skfem_contact.answers.validity.support import Support, motions_of, off_rigid
 from skfem_contact.answers.validity.validity import Diagnostics, Issued
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.geometry import Geometry
@@ -83,12 +83,12 @@ class Watch:
         # whether displacements at the contact DOFs are asked for
         self.asks = bool(self.floating) or any(watch.asks for watch in self.watches)
         # the supports of bodies that turn as their prescribed DOFs say; rigid ones may turn
-        self.turning = [
-            (name, b)
+        self.turning = {
+            name: b
             for b, (name, support) in enumerate(zip(self.system.names, self.supports, strict=True))
             if len(support.dofs) and name in self.system.solids
-        ]
-        self._moved: tuple[Array, list[Array], list[Any]] | None = None  # see `_followed`
+        }
+        self._moved: tuple[Array, list[Any], dict[str, float], dict[str, float]] | None = None
 
     def look(self, result: Answer, issued: Issued, leaning: dict[str, float]) -> None:
         """See an answer, note in it what is seen, and say what is beyond the bounds.
@@ -119,19 +119,15 @@ class Watch:
         state, gap, case, u = result.state, result.gap, result.worn_case, np.zeros(0)
         if self.asks:  # where bodies slide along an axis their contact DOFs do not tell
             u = result.u if self.inside else result.recover.at_contact()
-        motions, followed = self._followed(case.x)
+        followed, turns, stretches = self._followed(case.x)
         drifts = [
             watch.drift(state, gap, case, u, moved)
             for watch, moved in zip(self.watches, followed, strict=True)
         ]
-        turns, stretches = {}, {}
-        for name, b in self.turning:
-            turn = motions[b][2] if self.dim == 2 else np.linalg.norm(motions[b][3:])
-            turns[name] = float(turn) / self.supports[b].arm
-            stretches[name] = self.supports[b].stretch(case.x, motions[b])
-        stretches |= {name: known.stretch(u) for name, known in self.floating.items()}
+        if self.floating:
+            stretches = stretches | off_rigid(self.floating, u)
         if len(state.surface):  # of what slides far
-            turns |= rigid_rotations(self.system, self.contacts, state.surface)
+            turns = turns | rigid_rotations(self.system, self.contacts, state.surface)
         undetected = [
             watch.undetected(state, gap, case, u, drift)
             for watch, drift in zip(self.watches, drifts, strict=True)
@@ -154,16 +150,22 @@ class Watch:
         own = [s.dofs.ravel() for s in sides if isinstance(s, ContactSurface) and s.body is body]
         return np.unique(np.concatenate([body.D, *own])).astype(np.intp)
 
-    def _followed(self, x: Array) -> tuple[list[Array], list[Any]]:
-        """The motions of the supports under prescribed values x (n,), and what every watch follows.
+    def _followed(self, x: Array) -> tuple[list[Any], dict[str, float], dict[str, float]]:
+        """What every watch follows under prescribed values x (n,); turns and stretches of supports.
 
         Those of the last x are known.
         """
         known = self._moved
         if known is None or known[0] is not x:
-            motions = [support.motion(x) for support in self.supports]
+            motions = motions_of(self.supports, x)
             followed = [watch.followed(motions) for watch in self.watches]
-            known = self._moved = x, motions, followed
+            turns = {
+                name: float(m[2] if self.dim == 2 else np.linalg.norm(m[3:])) / self.supports[b].arm
+                for name, b in self.turning.items()
+                for m in [motions[b]]
+            }
+            stretches = off_rigid({name: self.supports[b] for name, b in self.turning.items()}, x)
+            known = self._moved = x, followed, turns, stretches
         return known[1:]
 
     def _warned(self, result: Answer) -> Diagnostics:
