@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +64,7 @@ class Interface:
         number = point - self.point_slices[i].start
         return f"point {number} of contact {self.names[i]!r}, now at {written(position)},"
 
-    @property
+    @cached_property
     def slipping(self) -> Mask:
         """Points with tangential rows: without friction nothing tangential is modelled."""
         return self.frictional | self.tied

@@ -158,7 +158,8 @@ class EquilibriumSearch:
             if not may_float:
                 raise
             return self._free(error)
-        if may_float and self.advance.attempt.good:
+        good = self.advance.attempt.good
+        if may_float and good:
             self.grip = Grip.of(model, self.advance.attempt)
             if self.grip.idles:
                 self._press()
@@ -168,7 +169,7 @@ class EquilibriumSearch:
         if rest is not None:
             rest.advance.trace[:0] = self.advance.trace
             self.advance = rest.advance
-        return self._judged()
+        return ARRIVED if good and self.rest is None else self._judged()
 
     def _judged(self) -> Verdict:
         """Return what the last attempt says of the step, and what was found out about it on the way."""

@@ -28,6 +28,7 @@ from skfem_contact.arguments import check_kind
 from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.checks import check_loads
+from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError, LinearSolveError, SingularMatrix, warn
@@ -247,7 +248,7 @@ class StepSolver(ByFields):
             conditions=attempt.outcome.iterate.conditions,
             factor=found.step.target.factor,
             linear=model.choice.said,
-            indifferent=self._places(found),
+            indifferent=_places(found, self.stepper.model.interface),
             before=attempt.start,
             parts=way.substeps,
             springs=attempt.problem.springs is not None,
@@ -256,14 +257,15 @@ class StepSolver(ByFields):
             newton=newton,
         )
 
-    def _places(self, found: EquilibriumSearch | NonlinearSearch) -> tuple[str, ...]:
-        """Return what is to be said of bodies that may stand elsewhere."""
-        model, rest, grip = found.model, found.settled, found.grip
-        if rest is not None and rest.free.shape[1]:
-            return model.motions.indifferent(rest.free, rest.why)
-        if rest is not None:  # found on weak springs, and held by what carries
-            grip = Grip.of(model, rest.advance.attempt)
-        return () if grip is None else grip.adrift(model.interface)
+
+def _places(found: EquilibriumSearch | NonlinearSearch, interface: Interface) -> tuple[str, ...]:
+    """Return what is to be said of bodies that may stand elsewhere."""
+    rest, grip = found.settled, found.grip
+    if rest is not None and rest.free.shape[1]:
+        return found.model.motions.indifferent(rest.free, rest.why)
+    if rest is not None:  # found on weak springs, and held by what carries
+        grip = Grip.of(found.model, rest.advance.attempt)
+    return () if grip is None else grip.adrift(interface)
 
 
 def _tell(result: Answer, remarks: dict[str, str]) -> None:

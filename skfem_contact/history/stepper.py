@@ -25,7 +25,6 @@ from skfem_contact.loops.driver import LOOPS, Options, Outcome, drive
 from skfem_contact.loops.multipliers import Collision
 from skfem_contact.loops.starts import (
     DENSE,
-    admissible,
     possible_starts,
     starting_values,
 )
@@ -141,8 +140,7 @@ class Stepper(ByFields):
                     dense,
                     lambda: points.load(geometry.case(kin, problem.u, to.before, last, to.before)),
                 )
-                guess = admissible(found.guess, step)
-                given = step, guess, options.tolerance, limit, to.callback, loop.patience
+                given = step, found.guess, options.tolerance, limit, to.callback, loop.patience
                 outcome = found.ended(drive(loop.iterates, *given), dense is step or start not in DENSE)
             except Collision as collision:
                 raise self._contradiction(collision, problem, seen) from None

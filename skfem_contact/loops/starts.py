@@ -138,7 +138,20 @@ def starting_values(
     before : callable, optional
         Gives the load at which the step begins, for ``"pulled"``.
     """
-    guess = as_guess(known)
+    found = _start(start, as_guess(known), step, tolerance, loop, dense, before)
+    found.guess = admissible(found.guess, step)
+    return found
+
+
+def _start(
+    start: str,
+    guess: Guess,
+    step: Step,
+    tolerance: float,
+    loop: str,
+    dense: Step,
+    before: Callable[[], Load] | None,
+) -> Start:
     if start == "warm":
         return Start(guess)
     if start == "newton":

@@ -22,9 +22,8 @@ from skfem_contact.answers.validity.support import (
     Support,
     beyond_round_off,
     elastic_approach,
-    soft,
-    spared,
-    unit_motions,
+    moving,
+    pressed_in,
 )
 from skfem_contact.answers.validity.track import Track, off_arc, tool_motion
 from skfem_contact.answers.validity.validity import Drift
@@ -72,6 +71,8 @@ class ContactWatch:
         Whether some of these show in the interior alone.
     asks : bool
         Whether displacements at the contact DOFs are asked for.
+    on_obstacle : bool
+        Whether the primary is an obstacle, which conditions may not see all of.
     """
 
     def __init__(
@@ -95,13 +96,12 @@ class ContactWatch:
         stiff = [diagonals[b][side.dofs].mean(axis=1) for b, side in zip(bodies, sides, strict=True)]
         self.extent = sum(supports[b].arm for b in bodies)
         size = [1.0 if self.dim == 2 else 0.5 * float(np.median(side.lengths)) for side in sides]
-        self.soft = sum(soft(h, d) for h, d in zip(size, stiff, strict=True))
-        self.spared = spared(pairing, sides, stiff, size)
+        self.soft, self.spared = pressed_in(pairing, sides, stiff, size)
         if contact.rigid_body is not None:  # it takes up nothing, but it moves
             bodies.append(self.system.index(contact.rigid_body))
         self.bodies = bodies
         held_by = [supports[b] for b in bodies]
-        self.motions = [unit_motions(self.track.points, s.centre, s.arm) for s in held_by]
+        self.motions = moving(held_by, self.track.points)
         points, normal = contact.secondary.points[pairing.paired], pairing.normal[pairing.paired]
         self.held = all(s.holds(points, normal) for s in held_by)
         self.inside, self.loose = False, None
@@ -111,6 +111,7 @@ class ContactWatch:
                 self.loose = [self._free(b, known()) for b in bodies]
         self.of_triangles = of_triangles(contact)
         self.asks = self.of_triangles or self.loose is not None
+        self.on_obstacle = isinstance(contact.primary, Obstacle)
         self.rigid, self.tool = contact.rigid, contact.rigid_body is not None
         self.asks |= self.tool and contact.sliding == "small"
 
@@ -219,7 +220,7 @@ class ContactWatch:
         return track.sagitta(force, moved)
 
     def undetected(self, state: State, gap: Array, case: LoadCase, u: Array, drift: Drift) -> str:
-        """Return what contact conditions do not see of obstacles, in words; or nothing.
+        """Return what contact conditions do not see of an obstacle, in words; or nothing.
 
         Parameters are those of `drift`, and what it has found.
         """
@@ -231,7 +232,7 @@ class ContactWatch:
     def _untouched(self, gap: Array) -> str:
         """What is wrong where nothing touches an obstacle, in words; by the gaps of the answer."""
         contact, track = self.contact, self.track
-        if not isinstance(contact.primary, Obstacle) or contact.bilateral:
+        if contact.bilateral:
             return ""
         # what finds partners that it did not have has come to another place
         if self._depth_in_solid and (track.paired.any() or not np.isfinite(gap).any()):

@@ -198,9 +198,9 @@ class Extrapolation:
         return part
 
 
-def soft(size: float, stiff: Array) -> float:
-    """Approach of a side under a force, by the stiffness (m,) of its nodes; zero of a rigid one."""
-    return float(size / np.median(stiff[stiff > 0])) if (stiff > 0).any() else 0.0
+def moving(supports: Sequence[Support], points: Array) -> list[Array]:
+    """How far motions of each body move points (m, d), (m, d, r) each."""
+    return [unit_motions(points, support.centre, support.arm) for support in supports]
 
 
 def beyond_round_off(approach: float, extent: float) -> float:
@@ -208,20 +208,25 @@ def beyond_round_off(approach: float, extent: float) -> float:
     return approach if approach > NO_APPROACH * extent else 0.0
 
 
-def spared(
+def pressed_in(
     pairing: Pairing, sides: Sequence[ContactSurface], stiff: Sequence[Array], size: Sequence[float]
-) -> Array | None:
-    """What `soft` of both sides is too much at points whose nodes supports hold, (m,), or None."""
-    too_much, any_held = np.zeros(len(pairing.gap)), False
+) -> tuple[float, Array | None]:
+    """Approach of both sides under a force; and what that is too much at points that supports hold.
+
+    By the stiffness (m,) of the nodes of each side. The second is of shape (m,), or None where none is.
+    """
+    approach, too_much, any_held = 0.0, np.zeros(len(pairing.gap)), False
     weights = pairing.secondary_weights, pairing.primary_weights
     for W, side, d, h in zip(weights, sides, stiff, size, strict=False):
+        soft = float(h / np.median(d[d > 0])) if (d > 0).any() else 0.0
+        approach += soft
         held = side.held.all(axis=1)
         if held.any():
             any_held = True
             total = np.asarray(abs(W).sum(axis=1)).ravel()
             share = np.asarray(abs(W) @ held) / np.where(total > 0, total, 1.0)
-            too_much += share * soft(h, d)
-    return too_much if any_held else None
+            too_much += share * soft
+    return approach, too_much if any_held else None
 
 
 def elastic_approach(result: Answer, i: int, closed: Mask, displacement: Array | None = None) -> float:

@@ -128,17 +128,19 @@ class Watch:
             stretches = stretches | off_rigid(self.floating, u)
         if len(state.surface):  # of what slides far
             turns = turns | rigid_rotations(self.system, self.contacts, state.surface)
-        undetected = [
-            watch.undetected(state, gap, case, u, drift)
+        undetected = {
+            watch.i: watch.undetected(state, gap, case, u, drift)
             for watch, drift in zip(self.watches, drifts, strict=True)
-        ]
+            if watch.on_obstacle
+        }
+        far = self.overlaps.far
         return Diagnostics(
             tuple(drifts),
             turns,
             issued,
             tuple(self.tracks),
-            self.overlaps.look_far(state, case, self.tracks, drifts),
-            {i: text for i, text in enumerate(undetected) if text},
+            self.overlaps.look_far(state, case, self.tracks, drifts) if far else frozenset(),
+            {i: text for i, text in undetected.items() if text},
             leaning=leaning,
             stretches=stretches,
         )
