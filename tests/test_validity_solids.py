@@ -395,11 +395,12 @@ def test_slips_of_friction_are_vectors_less_what_obstacles_give():
     m = len(pairing.gap)
     given = np.tile([0.5, 0.0], (m, 1))
     still, closed = np.zeros((m, 3)), np.ones(m, dtype=bool)
-    slip, spread = track.slip(np.tile([1.0, 2.0, 0.0], (m, 1)), given, still, closed)
+    vectors = np.tile([1.0, 2.0, 0.0], (m, 1))
+    slip, spread = track.slip(vectors, given, still, closed)
     np.testing.assert_allclose(slip, [1.0, 2.0, 0.0] - 0.5 * pairing.tangent[:, 0])
     assert spread == pytest.approx(0.0, abs=1e-15)
-    slip[0] += [0.3, 0.4, 0.0]
-    assert track.spread(slip, np.ones(m, dtype=bool)) == pytest.approx(0.5)
+    still[0] = [-0.3, -0.4, 0.0]  # supports drag the first one back
+    assert track.slip(vectors, given, still, closed)[1] == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize("numbers", [(5, 7), (3, 4)])

@@ -76,7 +76,7 @@ class Projection:
     @cached_property
     def slip_scale(self) -> float:
         """The largest slip of this step [length]."""
-        return float(lengths(self.moved).max(initial=0.0))
+        return longest(self.moved)
 
     @property
     def nothing(self) -> float:
@@ -292,12 +292,15 @@ def products(a: Array, b: Array) -> Array:
     return np.asarray(np.einsum("ik,ik->i", a, b))
 
 
+def longest(vectors: Array) -> float:
+    """The length of the longest vector (m, d-1), zero of none."""
+    return float(np.sqrt(products(vectors, vectors).max(initial=0.0)))
+
+
 def largest_force(response: Response) -> float:
     """The largest normal or tangential force at a point [force]."""
-    forces = np.abs(response.normal_force)
-    if response.tangential_force.shape[1]:
-        forces = np.maximum(forces, lengths(response.tangential_force))
-    return float(forces.max(initial=0.0))
+    pressing = float(np.abs(response.normal_force).max(initial=0.0))
+    return max(pressing, longest(response.tangential_force))
 
 
 def approach(step: Step, response: Response) -> float:
@@ -308,8 +311,8 @@ def approach(step: Step, response: Response) -> float:
 
 def same_slip(step: Step, response: Response) -> float:
     """A slip up to this may be the round-off of prescribed displacements [length]."""
-    slips = max(lengths(slip).max(initial=0.0) for slip in (response.slip, step.last.slip))
-    return COMPUTED * float(max(step.far, approach(step, response), slips))
+    slips = max(longest(response.slip), longest(step.last.slip))
+    return COMPUTED * max(step.far, approach(step, response), slips)
 
 
 def trial_round_off(step: Step, response: Response) -> Array:
