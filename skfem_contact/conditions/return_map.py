@@ -102,12 +102,14 @@ def map_by_bound(
         Whether the bound depends on the slip.
     """
     limit = np.asarray(law.limit(normal_force, area, slip))
-    force, slips = radial_return(trial, limit)
     if trial.shape[1] == 1:  # nothing turns: along the only tangent what slips has its bound
+        force, slips = radial_return(trial, limit)
         direction, by_trial = np.sign(trial) * slips[:, None], (~slips)[:, None, None].astype(float)
     else:
         size = lengths(trial)
+        slips = size > limit
         kept = np.divide(limit, size, out=np.ones(len(trial)), where=slips)[:, None]
+        force = trial * kept
         direction = np.divide(trial, size[:, None], out=np.zeros(trial.shape), where=slips[:, None])
         by_trial = np.eye(trial.shape[1]) - direction[:, :, None] * direction[:, None, :]
         by_trial *= kept[:, :, None]

@@ -309,9 +309,6 @@ def _check_size(array: Array, size: int, what: str) -> None:
     check_size(array, size, what, why)
 
 
-NONE = np.zeros(0)
-
-
 class PartialResults:
     """Results of one history, in their order; without the loads that a number stands for."""
 
@@ -323,7 +320,8 @@ class PartialResults:
         """Keep an answer and its result; `reader` knows the loads that a number stands for."""
         # a number stands for the loads, but not for those of bolts
         named = answer.factor is None or bool(answer.bolt_names)
-        light = copied(answer) if named else _with_loads(answer, NONE, NONE)
+        none = answer.case.f[:0]
+        light = copied(answer) if named else _with_loads(answer, none, none)
         self._light.append((light, reader))
         self._alive.append(weakref.ref(result))
 

@@ -41,7 +41,6 @@ from skfem_contact.history.load_step import Advance, Attempt, LoadStep, nothing
 from skfem_contact.history.stepper import RAN_AWAY, Stepper
 from skfem_contact.history.thresholds import (
     AIM,
-    ANSWERED,
     ANSWERED_BY_SECANTS,
     EDGE,
     FAR,
@@ -239,7 +238,7 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
         left, size = float(np.linalg.norm(change)), float(np.linalg.norm(grown))
         relief = Relief.of(interface, attempt)
         if relief is not None:
-            share = max(share, relief.share / ANSWERED) if number < 2 else share
+            share = max(share, relief.share) if number < 2 else share
         elif number == 1:
             share = left / before / ANSWERED_BY_SECANTS if before > 0 else 0.0
         if share > 1.0:

@@ -38,14 +38,12 @@ from skfem_contact.loops.pulled import Carried, after, pulled
 from skfem_contact.loops.step import Guess, Record, Step
 from skfem_contact.loops.thresholds import (
     EASED,
-    EASED_AFTER,
     IN_SERIES,
     MOST_IN_SERIES,
     MOST_POINTS,
     NEAR,
     NEWTON_ITERATIONS,
     RISES,
-    SOFTENED,
     SOFTEST,
     TOO_SOFT,
 )
@@ -247,7 +245,8 @@ def proximal(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Outcome
             break
         trace += [replace(record, note="springs in series") for record in found.trace]
         if not found.converged:
-            softness, eased = softness * SOFTENED, EASED_AFTER
+            eased = EASED**0.5
+            softness *= eased
             continue
         before, guess = guess, replace(after(step, found), near=True)
         if _change(before, guess) < NEAR:
