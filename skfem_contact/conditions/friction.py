@@ -18,15 +18,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skfem_contact.arguments import PrintedAsCall, number, numbers, take, with_known_keywords
+from skfem_contact.arrays import Array
 from skfem_contact.conditions.return_map import Mapped, map_by_bound
 from skfem_contact.conditions.thresholds import DIFFERENCE
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import kept, sealed
-
-Array = NDArray[np.float64]
 
 #: Why a bound is not negative, and what to do where nothing is to slip.
 NO_SIGN = (

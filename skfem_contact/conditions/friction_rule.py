@@ -12,10 +12,9 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.arguments import numbers
-from skfem_contact.arrays import lengths, unit_vectors
+from skfem_contact.arrays import Array, Index, Mask, lengths, unit_vectors
 from skfem_contact.bodies.selection import written
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
@@ -32,9 +31,6 @@ from skfem_contact.conditions.thresholds import BEYOND, DIFFERENCE, STEEP
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -394,7 +390,7 @@ def steep_words(law: FrictionLaw | None) -> str:
 class Slid(Protocol):
     """A state of friction at the points along the tangents of a pairing; see `state.LocalState`."""
 
-    status: NDArray[np.intp]
+    status: Index
     area: Array
     reference: Array
     slip: Array

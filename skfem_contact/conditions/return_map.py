@@ -18,15 +18,11 @@ from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.arguments import numbers, shown
-from skfem_contact.arrays import lengths
+from skfem_contact.arrays import Array, Mask, lengths
 from skfem_contact.conditions.thresholds import AGREE, DIFFERENCE
 from skfem_contact.errors import InputError
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class Derivatives(NamedTuple):

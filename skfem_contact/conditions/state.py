@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.surface import ContactSurface
@@ -29,8 +30,6 @@ from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
 
 OPEN, STICK, SLIP = range(3)
 STATUS = ("open", "stick", "slip")
@@ -74,7 +73,7 @@ def transport(vectors: Array, old: Array, new: Array) -> Array:
 class _History:
     """The common fields of `State`, with vectors (m, d), and `LocalState`, with components (m, d-1)."""
 
-    status: NDArray[np.intp]
+    status: Index
     slip: Array
     tangential_force: Array
     normal_force: Array
@@ -83,7 +82,7 @@ class _History:
     area: Array
     surface: Array
     trend: Array
-    vertex: NDArray[np.intp]
+    vertex: Index
     wear: Array
     worn: Array
 
@@ -177,7 +176,7 @@ class State(_History):
         del known["normal"]
         return LocalState(**known)
 
-    def handed_on(self, vertex: NDArray[np.intp], point_slices: Sequence[slice]) -> State:
+    def handed_on(self, vertex: Index, point_slices: Sequence[slice]) -> State:
         """The state with the history of every vertex at the point that carries its row now.
 
         A vertex of the primary that slides along the secondary goes from point to point, and its slip
@@ -229,10 +228,10 @@ class Identity:
 
     bodies: NDArray[Any]
     contacts: NDArray[Any]
-    sizes: NDArray[np.intp]
+    sizes: Index
     elements: NDArray[Any]
     places: Array
-    points: NDArray[np.intp]
+    points: Index
     sides: NDArray[Any]
 
     @classmethod

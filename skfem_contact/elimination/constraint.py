@@ -23,7 +23,14 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import shown
-from skfem_contact.arrays import check_finite, check_size, check_type, dof_numbers, rectangular
+from skfem_contact.arrays import (
+    Mask,
+    check_finite,
+    check_size,
+    check_type,
+    dof_numbers,
+    rectangular,
+)
 from skfem_contact.bodies.inputs import csr32
 from skfem_contact.elimination.pivoting import FloatArray, IntArray
 from skfem_contact.errors import InputError
@@ -233,7 +240,7 @@ def finite_vector(name: str, v: ArrayLike, n: int, at: IntArray | None = None) -
     return array
 
 
-def dof_mask(prefer: ArrayLike, n: int) -> NDArray[np.bool_]:
+def dof_mask(prefer: ArrayLike, n: int) -> Mask:
     mask = rectangular(prefer, "prefer", NO_ARRAY)
     if mask.shape != (n,) or mask.dtype != bool:
         raise InputError(

@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skfem_contact.arguments import known_keywords, shown
+from skfem_contact.arrays import Mask
 from skfem_contact.bodies.inputs import csr32
 from skfem_contact.elimination.constraint import (
     AffineConstraint,
@@ -152,7 +153,7 @@ def _check_labels_and_scale(labels: Labels, k: int, scale: float) -> None:
     raise InputError(f"labels {has} for {k} rows: give one name for each of them.")
 
 
-def _columns(A: sp.csr_matrix, mask: NDArray[np.bool_]) -> tuple[IntArray, sp.csr_matrix]:
+def _columns(A: sp.csr_matrix, mask: Mask) -> tuple[IntArray, sp.csr_matrix]:
     """Numbers of the nonempty columns under the mask, and the matrix with only these.
 
     So pivoting costs nothing for the DOFs that no row knows.

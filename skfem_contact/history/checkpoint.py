@@ -9,16 +9,14 @@ from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.arguments import file_path
+from skfem_contact.arrays import Array
 from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.conditions.state import Identity, State
 from skfem_contact.errors import InputError, warn
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
 
 FORMAT = 7  # of the file; a file of another one is refused
 # What reading a file may raise that is damaged, or that is none of ours.

@@ -9,11 +9,11 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.values import status_words
+from skfem_contact.arrays import Index
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
@@ -32,9 +32,6 @@ from skfem_contact.pairing.diagnosis import diagnose, say_stiffer
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.trees import pairs_within
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class Solver(Protocol):

@@ -10,10 +10,10 @@ from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.result import ContactResult, falling
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction_rule import jumps_open
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
     Known = Answer | SavedState | None
 
-Array = NDArray[np.float64]
 
 CAN_CARRY = "with the forces that contact can carry"
 

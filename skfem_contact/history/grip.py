@@ -6,10 +6,9 @@ from functools import cached_property
 from operator import mul
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from skfem_contact.arrays import largest, lengths
+from skfem_contact.arrays import Array, Mask, largest, lengths
 from skfem_contact.conditions.friction_rule import resisting_slips
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
@@ -21,9 +20,6 @@ from skfem_contact.history.load_step import Attempt
 from skfem_contact.history.thresholds import ACROSS, TINY, TURNED
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(eq=False)

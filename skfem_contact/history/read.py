@@ -11,12 +11,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import number, numbers, shown, suggest
-from skfem_contact.arrays import check_finite, check_size, same
+from skfem_contact.arrays import Array, check_finite, check_size, same
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.carried import copied
@@ -28,7 +27,6 @@ from skfem_contact.errors import InputError
 from skfem_contact.obstacles.motion import read_motion
 from skfem_contact.obstacles.rigid_body import RigidBody
 
-Array = NDArray[np.float64]
 KEYS = ("f", "x", "interference", "motion", "bolt")
 
 

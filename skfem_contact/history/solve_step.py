@@ -16,7 +16,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.newton import Newton
@@ -25,6 +24,7 @@ from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.validity.validity import Issued
 from skfem_contact.answers.validity.watch import Watch
 from skfem_contact.arguments import check_kind
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.checks import check_loads
@@ -53,8 +53,6 @@ if TYPE_CHECKING:
     from skfem_contact.history.equilibrium import Known
     from skfem_contact.history.nonlinear import NonlinearSearch
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class StepSolver(ByFields):
@@ -78,7 +76,7 @@ class StepSolver(ByFields):
         with Workspace() as workspace:
             return solver._solved(target, start, guess, callback, throw, workspace)
 
-    def _loosened(self, given: NDArray[np.bool_]) -> StepSolver:
+    def _loosened(self, given: Mask) -> StepSolver:
         """The solver of steps that give forces to some bolts: their sections slide."""
         model, key = self.stepper.model, b"bolts" + given.tobytes()
         other = model.with_other(key, lambda: self.bolts.loosened(given, model.stiffness))

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.certificate import certify
@@ -28,6 +28,7 @@ from skfem_contact.arguments import (
     shown,
     with_known_keywords,
 )
+from skfem_contact.arrays import Array
 from skfem_contact.assemblies.bolt import Bolt, Bolts, bolted
 from skfem_contact.assemblies.joints import LoadCases
 from skfem_contact.bodies.inputs import Loads
@@ -65,7 +66,6 @@ if TYPE_CHECKING:
     from skfem_contact.history.gradients import Gradient, Jacobian
     from skfem_contact.problem.model import AnyBodies
 
-Array = NDArray[np.float64]
 S = TypeVar("S", bound="ProblemSetup")
 
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
+from skfem_contact.arrays import Mask
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule, jumps_open
@@ -57,7 +57,7 @@ class Stepper(ByFields):
     model: LinearModel
     loop: str
     options: Options
-    barred: NDArray[np.bool_] | None = None
+    barred: Mask | None = None
 
     @cached_property
     def held(self) -> Stepper:

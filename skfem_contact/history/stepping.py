@@ -28,10 +28,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
-from skfem_contact.arrays import lengths
+from skfem_contact.arrays import Array, Mask, lengths
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, STICK, LocalState
@@ -55,9 +54,6 @@ from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.starts import REGULARISED
 from skfem_contact.loops.step import Record
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-
 
 logger = logging.getLogger("skfem_contact")
 
@@ -269,7 +265,7 @@ class Relief:
         Force per depth [force/length].
     """
 
-    points: NDArray[np.bool_]
+    points: Mask
     c: Array
     S: Array
 
@@ -418,7 +414,7 @@ def travelled(by: Stepper, attempt: Attempt, limit: float) -> Attempt:
     return replace(attempt, travel=travel)
 
 
-def without_points(kin: Kinematics, lost: NDArray[np.bool_]) -> Kinematics:
+def without_points(kin: Kinematics, lost: Mask) -> Kinematics:
     """The pairing with some points open for good."""
     if not lost.any():
         return kin

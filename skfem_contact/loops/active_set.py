@@ -39,9 +39,8 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skfem_contact.arrays import lengths
+from skfem_contact.arrays import Array, Index, Mask, lengths
 from skfem_contact.conditions.friction_rule import grows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
@@ -58,9 +57,6 @@ from skfem_contact.loops.thresholds import (
 )
 from skfem_contact.problem.response import Conditions, odd_round_off
 from skfem_contact.records import dataclass
-
-Mask = NDArray[np.bool_]
-Array = NDArray[np.float64]
 
 
 def newton(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
@@ -226,9 +222,7 @@ class Stabilised:
     motion: Array
 
 
-def stabilise(
-    step: Step, current: Guess, coupled: bool = True
-) -> tuple[NDArray[np.intp], Stabilised | None]:
+def stabilise(step: Step, current: Guess, coupled: bool = True) -> tuple[Index, Stabilised | None]:
     """Keep just so many points closed and sticking that no rigid motion is free.
 
     A body that only contact and friction hold makes the matrix singular while all its points are
@@ -277,7 +271,7 @@ def stabilise(
     return status, Stabilised(points, first)
 
 
-def _across(step: Step, current: Guess, status: NDArray[np.intp]) -> Array | None:
+def _across(step: Step, current: Guess, status: Index) -> Array | None:
     """Rows (r, k) by which slipping points hold rigid motions, across the direction of friction."""
     if not step.turns or current.reach is None:
         return None
@@ -290,7 +284,7 @@ def _across(step: Step, current: Guess, status: NDArray[np.intp]) -> Array | Non
     return ((firm[:, None, None] * across) @ step.motions.tangential[at]).reshape(-1, step.motions.k)
 
 
-def _by(value: Array, mask: Mask, step: Step, known: float = 0.0) -> NDArray[np.intp]:
+def _by(value: Array, mask: Mask, step: Step, known: float = 0.0) -> Index:
     """Points from the smallest value to the largest; those alike up to round-off by their rank.
 
     `known`: what values are uncertain by, however small they are.

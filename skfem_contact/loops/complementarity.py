@@ -27,9 +27,8 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skfem_contact.arrays import lengths
+from skfem_contact.arrays import Array, Index, Mask, lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import COMPUTED, GIVEN
@@ -37,9 +36,6 @@ from skfem_contact.loops.step import Guess, Step
 from skfem_contact.loops.thresholds import DECREASE, HALVINGS, ROUND_OFF, SOLVED_SLIP
 from skfem_contact.problem.response import Resistance, Response
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 # That of a single number.
 EPS = float(np.finfo(float).eps)
@@ -332,8 +328,8 @@ def smooth_points(step: Step, force_scale: float, slip: Array) -> Mask | bool:
 
 
 def friction_of_prescribed_slip(
-    step: Step, slip_prescribed: Mask, status: NDArray[np.intp], response: Response
-) -> tuple[NDArray[np.intp], Array]:
+    step: Step, slip_prescribed: Mask, status: Index, response: Response
+) -> tuple[Index, Array]:
     """Status (m,) and friction (m, d-1) of the answer, by the law where the slip is prescribed.
 
     In `step` these points are none with friction: there is no equation for it.

@@ -21,10 +21,9 @@ from dataclasses import replace
 from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import largest, lengths, size_of
+from skfem_contact.arrays import Array, Mask, largest, lengths, size_of
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.rows import stacked_rows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
@@ -39,8 +38,6 @@ from skfem_contact.problem.response import Response
 from skfem_contact.problem.springs import least_friction
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Iteration = Callable[[Step, Guess, float], Iterator[Iterate]]
 
 

@@ -24,8 +24,8 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
@@ -49,8 +49,6 @@ from skfem_contact.loops.thresholds import (
 )
 from skfem_contact.problem.response import Load, Resistance
 from skfem_contact.problem.seam import ContactProblem
-
-Array = NDArray[np.float64]
 
 # Where an attempt at a load step begins, in this order.
 STARTS = ("warm", "cold", "newton", "pivoting", "pulled", "proximal")
