@@ -17,16 +17,18 @@ from skfem_contact.arguments import numbers
 from skfem_contact.arrays import Array, Index, Mask, lengths, unit_vectors
 from skfem_contact.bodies.selection import written
 from skfem_contact.carried import ByFields
-from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
-from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.conditions.return_map import (
+from skfem_contact.conditions.friction import (
+    Coulomb,
     Derivatives,
+    FrictionLaw,
     Mapped,
+    Tresca,
     map_by_bound,
     mapped_arrays,
     radial_return,
     unlawful,
 )
+from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.thresholds import BEYOND, DIFFERENCE, STEEP
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError

@@ -21,8 +21,7 @@ from skfem_contact.conditions.discretisation import pair
 from skfem_contact.conditions.interface import point_labels, secondary_dofs
 from skfem_contact.conditions.kinematics import join, kinematics
 from skfem_contact.digits import SOLVED
-from skfem_contact.elimination.constraint import prescribed, sparse_matrix
-from skfem_contact.elimination.transformation import eliminate
+from skfem_contact.elimination.constraint import eliminate, prescribed, sparse_matrix
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 

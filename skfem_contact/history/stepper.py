@@ -155,7 +155,7 @@ class Stepper(ByFields):
         self, collision: Collision, problem: ContactProblem, seen: LoadCase
     ) -> ConstraintError:
         """The error for points that can not all be closed, or glued, whatever carries them."""
-        from skfem_contact.elimination.transformation import eliminate
+        from skfem_contact.elimination.constraint import eliminate
 
         kin, labels = problem.kin, np.array(self.model.labels, dtype=object)
         glued = collision.slips.ravel()

@@ -425,7 +425,7 @@ def held_rows(kin: Kinematics, closed: Mask, stick: Mask, slope: Array | None = 
 
 def left_free(rows: csr_matrix, system: System) -> AffineConstraint:
     """What rows that are zero, and supports, leave free."""
-    from skfem_contact.elimination.transformation import eliminate
+    from skfem_contact.elimination.constraint import eliminate
 
     return eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n))
 
