@@ -32,29 +32,10 @@ if TYPE_CHECKING:
     from skfem_contact.loops.pulled import Carried
 
 
-@dataclass(eq=False)
-class Energy:
-    """Energies of the way so far, per contact [energy].
-
-    Attributes
-    ----------
-    lost : ndarray
-        By friction, see `friction_energy`.
-    residual : ndarray
-        What the energy balance misses.
-    """
-
-    lost: Array
-    residual: Array
-
-    def __add__(self, other: Energy) -> Energy:
-        return Energy(self.lost + other.lost, self.residual + other.residual)
-
-
 def friction_energy(
     interface: Interface, last: LocalState, new: LocalState, plastic: Array, bound: Array
-) -> Energy:
-    r"""Energy that friction takes between two states, and what the energy balance misses.
+) -> Array:
+    r"""Energy that friction takes between two states, and what the balance misses, (2, contacts).
 
     On its plastic slip ``s_p`` a point loses the mean of its friction bounds at both ends,
 
@@ -74,10 +55,10 @@ def friction_energy(
     bounds, way = friction_bound(interface.laws, last) + bound, lengths(plastic)
     friction = last.tangential_force + new.tangential_force
     pressing = last.normal_force + new.normal_force
-    found = nothing(interface)
+    found = lost, residual = np.zeros((2, len(interface.point_slices)))
     for k, part in enumerate(interface.point_slices):  # the means are halves of sums
-        found.lost[k] = 0.5 * bounds[part].dot(way[part])
-        found.residual[k] = 0.5 * np.vdot(friction[part], plastic[part]) - found.lost[k]
+        lost[k] = 0.5 * bounds[part].dot(way[part])
+        residual[k] = 0.5 * np.vdot(friction[part], plastic[part]) - lost[k]
     opens = (pressing != 0) & ((new.gap > 0) | (last.gap > 0))
     if np.count_nonzero(opens):
         # points without partner have no gap, also one that finds or loses it between the two states
@@ -85,7 +66,7 @@ def friction_energy(
         moved = np.zeros(len(opens))
         moved[opens] = np.maximum(new.gap[opens], 0.0) - np.maximum(last.gap[opens], 0.0)
         for k, part in enumerate(interface.point_slices):
-            found.residual[k] -= 0.5 * (pressing[part] @ moved[part])
+            residual[k] -= 0.5 * (pressing[part] @ moved[part])
     return found
 
 
@@ -94,12 +75,6 @@ def plastic_slip(interface: Interface, last: LocalState, new: LocalState) -> Arr
     G = interface.stiffness[:, None]
     elastic = (new.tangential_force - last.tangential_force) / G  # zero where sticking is exact
     return np.where(interface.frictional[:, None], new.slip - last.slip - elastic, 0.0)
-
-
-def nothing(interface: Interface) -> Energy:
-    """No energy lost."""
-    contacts = len(interface.point_slices)
-    return Energy(np.zeros(contacts), np.zeros(contacts))
 
 
 @dataclass(eq=False)
@@ -190,7 +165,7 @@ class Attempt:
         return friction_bound(self.model.interface.laws, self.local)
 
     @property
-    def energy(self) -> Energy:
+    def energy(self) -> Array:
         """Return what friction takes on its way."""
         interface, bound = self.model.interface, self.friction_bound
         return friction_energy(interface, self.start, self.local, self.plastic_slip, bound)
@@ -220,12 +195,13 @@ class Attempt:
 class Advance:
     """The way that a load step has come, and the last attempt, which says whether it has arrived.
 
+    `energy` is the `friction_energy` of all parts together, (2, contacts).
     `unsettled` is the last attempt whose pairing did not settle, since a part of the step was reached:
     of smaller parts, which begin on its pairing, the loop may fail before they come to pair anew.
     `carried` is the largest share of it that a loading machine has come to, where it did not arrive.
     """
 
-    energy: Energy
+    energy: Array
     attempt: Attempt = field(init=False)
     unsettled: Attempt | None = None
     trace: list[Record] = field(default_factory=list)

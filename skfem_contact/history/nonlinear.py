@@ -40,7 +40,7 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.history.equilibrium import ARRIVED, EquilibriumSearch, Verdict
-from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, nothing
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.refined import ROUGH, UNSOLVED, holds, refined, usable
 from skfem_contact.history.remarks import remarks
 from skfem_contact.history.stepper import Stepper
@@ -147,7 +147,7 @@ class NonlinearSearch:
         model, options = self.stepper.model, self.stepper.options
         if model.interface.wear:
             raise InputError(WEAR)
-        self.advance = Advance(nothing(model.interface))
+        self.advance = Advance(np.zeros((2, len(model.interface.names))))
         self.placed = Placed.of_start(model.system, model.stiffness, self.start)
         parts = Bisection(options.max_cuts, SHORTER**options.max_cuts)
         part = self.step

@@ -36,7 +36,7 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, STICK, LocalState
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.errors import SingularMatrix
-from skfem_contact.history.load_step import Advance, Attempt, LoadStep, nothing
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep
 from skfem_contact.history.stepper import RAN_AWAY, Stepper
 from skfem_contact.history.thresholds import (
     AIM,
@@ -120,7 +120,7 @@ def advance(
     attempt, by default all that there are.
     """
     interface = by.model.interface
-    so_far = Advance(nothing(interface))
+    so_far = Advance(np.zeros((2, len(interface.names))))
     parts = Bisection(by.options.max_cuts, SHORTER**by.options.max_cuts)
     part = step  # that is attempted: from where the parts before it have come to
     starts = begin or by.starts_from(step.known)
