@@ -55,7 +55,7 @@ __getattr__, __dir__ = entrances(
         "certificate": "Certificate",
         "error.net": "Net",
         "error.sources": "ErrorEstimate ErrorSources",
-        "fields": "Segments closed_area contact_edge contour edge_positions find_edges interpolate",
+        "fields": "contour interpolate",
         "pieces": "critical_friction orientation turning_springs",
         "result": "ContactResult",
         "tangent.changes": "Parameter",

@@ -11,14 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.answers.error.sources import ErrorEstimate, percent
-from skfem_contact.answers.fields import (
-    Contour,
-    closed_area,
-    contour,
-    displaced,
-    edge_positions,
-    interpolate,
-)
+from skfem_contact.answers.fields import Contour, contour, displaced, interpolate
 from skfem_contact.answers.thresholds import COARSE
 from skfem_contact.arguments import NamesAttributes, numbers
 from skfem_contact.bodies.selection import written
@@ -254,20 +247,17 @@ class ContactValues(NamesAttributes):
         There ``gap**(2/3)``, extrapolated from the open side, vanishes; see `fields`.
         In the order of the points or faces; ends of the surface that are closed are no edges.
         """
-        if self._placed.dim == 3:
-            return sealed(self._contour.segments)
-        return sealed(edge_positions(self._placed, self.status != OPEN, self.gap))
+        edges = self._contour.segments
+        return sealed(edges if self._placed.dim == 3 else edges[:, 0])
 
     @cached_property
     def contact_area(self) -> float:
         """Area in contact, up to `contact_edges` [area]."""
-        if self._placed.dim == 3:
-            return self._contour.area
-        return closed_area(self._placed, self.status != OPEN, self.gap)
+        return self._contour.area
 
     @cached_property
     def _contour(self) -> Contour:
-        """The edge of contact on faces."""
+        """The edge of contact, and the area within."""
         return contour(self._placed, self.status != OPEN, self.gap)
 
     @cached_property

@@ -1,6 +1,6 @@
 r"""Error of tractions along a surface, a curve or faces: at edges, between nodes, of straight facets.
 
-* *Edges of contact.* On the facets around the edge (`fields.contact_edge`) the nodal field is compared
+* *Edges of contact.* On the facets around the edge (`fields.contour`) the nodal field is compared
   with the square root of the distance from the edge that goes through the values of the second nodes
   inside, which does not depend on where between two nodes the edge lies.
 * *Between nodes* with the parabola through a node and those around it, by least squares: on each facet
@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.error.net import Net, between, near_ends, scatter, sharp
 from skfem_contact.answers.error.sources import Three, relative
-from skfem_contact.answers.fields import contact_edge, displaced, simplex_areas, with_centres
+from skfem_contact.answers.fields import Contour, contour, displaced, simplex_areas, with_centres
 from skfem_contact.answers.thresholds import SEGMENTS_NEAR
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.bodies.areas import tributary_areas
@@ -112,14 +112,14 @@ class SurfaceError:
     def edge(self) -> Edge | None:
         """The edge of contact on the facets around it; None where there is none."""
         placed = displaced(self.surface, self.values.points)
-        pieces, heights = contact_edge(placed, self.closed, self.values.gap)
-        if not (self.at_rim.any() and len(pieces)):
+        found = contour(placed, self.closed, self.values.gap)
+        if not (self.at_rim.any() and len(found.segments)):
             return None
         # how steep the root is at the nodes of the edge, by the values of those behind them
         behind = np.flatnonzero(self.closed & ~self.rim)
         if not len(behind):
             behind = np.flatnonzero(self.rim)
-        return Edge(placed, pieces, heights, self.rim, np.flatnonzero(self.at_rim), behind)
+        return Edge(placed, found, self.rim, np.flatnonzero(self.at_rim), behind)
 
 
 class Edge:
@@ -128,8 +128,7 @@ class Edge:
     Parameters
     ----------
     surface : ContactSurface
-    pieces, heights : ndarray
-        From `fields.contact_edge`.
+    found : Contour
     rim : ndarray of bool, shape (m,)
         Closed nodes beside open ones.
     facets, behind : ndarray of int
@@ -139,21 +138,20 @@ class Edge:
     def __init__(
         self,
         surface: ContactSurface,
-        pieces: Array,
-        heights: Array,
+        found: Contour,
         rim: Mask,
         facets: Index,
         behind: Index,
     ) -> None:
         self.surface, self.facets, self.behind = surface, facets, behind
-        self.corners, d = surface.kind.simplices, surface.dim
+        self.corners, d, pieces = surface.kind.simplices, surface.dim, found.segments
         x = with_centres(surface, surface.points)[:, self.corners]
         area = simplex_areas(surface, x.reshape(-1, d, d))
         self.area = area.reshape(len(surface.facets), -1)[facets]
         kind = kind_of(d, d)
         xi, self.weight = kind.quadrature(ROOT[d])
         self.N = kind.shapes(xi)[0]
-        h = with_centres(surface, heights)[facets][:, self.corners]
+        h = with_centres(surface, found.heights)[facets][:, self.corners]
         h = np.where(np.isfinite(h), h, np.abs(h[np.isfinite(h)]).max(initial=1.0))
         inside = (np.einsum("qa,fta->ftq", self.N, h) < 0).ravel()
         places = np.einsum("qa,ftad->ftqd", self.N, x[facets])
@@ -186,7 +184,7 @@ def _distance(pieces: Array, points: Array) -> Array:
     """Distances of points (p, d) from the nearest of some pieces (s, 2, d), (p,)."""
     few = min(SEGMENTS_NEAR, len(pieces))
     near = Tree(pieces.mean(axis=1)).query(points, k=few)[1].reshape(len(points), few)
-    start, along = pieces[near, 0], pieces[near, 1] - pieces[near, 0]
+    start, along = pieces[near, 0], pieces[near, -1] - pieces[near, 0]
     away = points[:, None] - start
     square = np.maximum(np.sum(along**2, axis=2), np.finfo(float).tiny)
     part = np.clip(np.sum(away * along, axis=2) / square, 0.0, 1.0)
