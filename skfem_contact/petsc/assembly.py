@@ -95,8 +95,7 @@ def _pieces(basis: CellBasis, count: int) -> Iterator[list[Any]]:
         if not len(elements):  # fewer elements than ranks
             yield []
             continue
-        sent = pickle.dumps((piece(mesh, elements), basis.elem))
-        yield [np.frombuffer(sent, dtype=np.uint8), basis.element_dofs[:, elements]]
+        yield [piece(mesh, elements), basis.elem, basis.element_dofs[:, elements]]
 
 
 def parted(mesh: Any, count: int) -> Index:
@@ -114,7 +113,7 @@ def _made(
     key = own.number()
     told = own.together(_contribute, (key, name, how, n), pieces)
     if len(told[0]) == 1:
-        raise InputError(pickle.loads(told[0][0].tobytes()))
+        raise InputError(*told[0])
     return RankedStiffness(own, key, told)
 
 
@@ -132,10 +131,10 @@ def _contribute(own: Ranks, given: tuple[Any, ...], parts: list[Any]) -> list[An
         found = f"rank {own.rank} of {own.size}: {error}", None
     owners = _owners(own, found, n)
     if isinstance(owners, str):
-        return [np.frombuffer(pickle.dumps(owners), dtype=np.uint8)]
+        return [owners]
     rows = Rows.gathered(own.comm, dofs, matrix, owners)
     own.held[key] = rows
-    return [rows.rows, rows.columns, rows.diagonal(), np.array([rows.matrix.nnz])]
+    return [rows.rows, rows.columns, rows.diagonal(), rows.matrix.nnz]
 
 
 def _found(name: bytes) -> Any:
@@ -180,7 +179,7 @@ def _on_piece(own: Ranks, function: Any, parts: list[Any]) -> Contribution:
     """
     if not parts:
         return np.zeros(0, dtype=np.intp), csr_matrix((0, 0))
-    (mesh, element), element_dofs = pickle.loads(parts[0].tobytes()), parts[1]
+    mesh, element, element_dofs = parts
     parts.clear()
     dofs, numbers = np.unique(element_dofs, return_inverse=True)
     numbers = numbers.reshape(element_dofs.shape).astype(np.int32)

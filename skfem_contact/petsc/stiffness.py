@@ -68,13 +68,13 @@ class RankedStiffness(DistributedStiffness):
 
     added: csr_matrix | None = None
 
-    def __init__(self, own: Ranks, key: int, told: list[list[Array]]) -> None:
+    def __init__(self, own: Ranks, key: int, told: list[list[Any]]) -> None:
         self.own, self.key = own, key
         self.places = [part[0].astype(np.int32, copy=False) for part in told]
         self.columns = [part[1].astype(np.int32, copy=False) for part in told]
         n = sum(map(len, self.places))
         self.shape = n, n
-        self.nnz = int(sum(part[3][0] for part in told))
+        self.nnz = int(sum(part[3] for part in told))
         diagonal = np.empty(n)
         for place, part in zip(self.places, told, strict=True):
             diagonal[place] = part[2]
