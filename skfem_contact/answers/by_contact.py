@@ -16,14 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.arguments import NamesAttributes, suggest
+from skfem_contact.arrays import Array
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.state import OPEN, SLIP
 from skfem_contact.errors import InputError
 
 if TYPE_CHECKING:
     from skfem_contact.answers.error.sources import ErrorEstimate
-
-Array = NDArray[np.float64]
 
 
 def its(words: str) -> Any:

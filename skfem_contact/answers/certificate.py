@@ -16,15 +16,13 @@ from numpy.typing import NDArray
 from skfem_contact.answers.answer import Answer, contact_forces
 from skfem_contact.answers.thresholds import NO_LOAD, SCALE_FLOOR
 from skfem_contact.arguments import NamesAttributes
+from skfem_contact.arrays import Array
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.vectors import cross
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-
 
 # What is no round-off however well the equations are solved, and the line above it.
 OF_THE_MODEL = ("moment_gap", "moment_normal", "placement")

@@ -26,10 +26,10 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.answers.thresholds import REACH
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
@@ -37,9 +37,6 @@ from skfem_contact.errors import InputError
 from skfem_contact.pairing.projection import project
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 def interpolate(surface: ContactSurface, values: Array, points: Array) -> Array:
@@ -75,9 +72,6 @@ def interpolate(surface: ContactSurface, values: Array, points: Array) -> Array:
 def displaced(surface: ContactSurface, points: Array) -> ContactSurface:
     """The surface with its nodes at other positions, for the functions above."""
     return replace(surface, points=points)
-
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

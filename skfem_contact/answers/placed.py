@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.linearizable import State
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.carried import copied
@@ -21,8 +21,6 @@ from skfem_contact.sealed import sealed
 
 if TYPE_CHECKING:
     from skfem_contact.problem.model import LinearModel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

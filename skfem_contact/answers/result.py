@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer, reaction
 from skfem_contact.answers.by_contact import ByContact
@@ -25,6 +24,7 @@ from skfem_contact.answers.validity.strain import rigid_rotations
 from skfem_contact.answers.validity.validity import Validity
 from skfem_contact.answers.values import contact_lines, status_words
 from skfem_contact.arguments import known_keywords
+from skfem_contact.arrays import Array
 from skfem_contact.assemblies.bolt import BoltValues
 from skfem_contact.assemblies.joints import Joint, Joints
 from skfem_contact.bodies.member import Member
@@ -43,8 +43,6 @@ from skfem_contact.sealed import sealed
 if TYPE_CHECKING:
     from skfem_contact.answers.tangent.sensitivity import Sensitivity
     from skfem_contact.answers.tangent.tangent import Tangent
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -14,6 +14,7 @@ from skfem_contact.answers.error.sources import ErrorEstimate, percent
 from skfem_contact.answers.fields import Contour, contour, displaced, interpolate
 from skfem_contact.answers.thresholds import COARSE
 from skfem_contact.arguments import NamesAttributes, numbers
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
@@ -22,8 +23,6 @@ from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal, sealed
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -5,16 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.arguments import numbers
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
 from skfem_contact.bodies.normals import across, sizes
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 def area_elements(points: Array, facets: Index, kind: FacetKind, xi: Array) -> Array:

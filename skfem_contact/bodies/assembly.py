@@ -24,12 +24,12 @@ from itertools import combinations_with_replacement
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm
 from skfem.assembly.form.form import FormExtraParams
 from skfem.element import DiscreteField
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.quadrature import (
     chunks,
     parts,
@@ -39,9 +39,6 @@ from skfem_contact.bodies.quadrature import (
     some_elements,
 )
 from skfem_contact.digits import COMPUTED
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class NeedsMore(Exception):

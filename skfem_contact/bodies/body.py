@@ -19,6 +19,7 @@ from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm, CellBasis
 
 from skfem_contact.arguments import check_name, known_keywords, with_known_keywords
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.boundaries import displacements, tractions
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.inputs import (
@@ -48,8 +49,6 @@ from skfem_contact.errors import InputError
 from skfem_contact.materials.elastic import Elastic
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal
-
-Array = NDArray[np.float64]
 
 
 @with_known_keywords(

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.areas import area_elements
 from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
 from skfem_contact.bodies.normals import across, sizes
@@ -14,9 +14,6 @@ from skfem_contact.bodies.selection import written
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError
 from skfem_contact.trees import pairs_within
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 def twin_edges(corners: Index) -> Index:

@@ -10,18 +10,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.areas import own_normals
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
 from skfem_contact.bodies.facets import seen_from_outside
 from skfem_contact.bodies.normals import angle_between
 from skfem_contact.bodies.thresholds import ALIKE, BENT, CORNER, STEEPEST, STRAIGHT
 from skfem_contact.digits import GIVEN
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 def sharp_edges(normals: Array, twins: Index) -> Mask:

@@ -13,16 +13,13 @@ from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm
 from skfem.assembly.form.form import FormExtraParams
 from skfem.element import DiscreteField
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.quadrature import parts
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class Moduli(NamedTuple):

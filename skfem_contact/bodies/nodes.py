@@ -7,12 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.arrays import Index, Mask
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.selection import mesh_edges
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 def facet_nodes(basis: Any, numbers: Index, vertices: Index) -> Index:

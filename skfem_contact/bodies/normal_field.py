@@ -13,18 +13,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.areas import facet_sizes, own_normals
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normals import cross, sizes, unit
 from skfem_contact.bodies.pieces import pieces
 from skfem_contact.bodies.thresholds import CORNER, FADES
 from skfem_contact.digits import GIVEN, SOLVED
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 def sizes_and_normals(

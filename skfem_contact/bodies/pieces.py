@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-Index = NDArray[np.intp]
+from skfem_contact.arrays import Index
 
 
 def pieces(elements: Index, n: int) -> Index:

@@ -22,18 +22,14 @@ a curved one those of all its nodes.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normals import cross, tangents
 from skfem_contact.bodies.rings import around, rings
 from skfem_contact.bodies.thresholds import BOWED, FITS, FITTED, NODES_AT_ONCE
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,13 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.thresholds import ENOUGH
 from skfem_contact.digits import GIVEN
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 def around(facets: Index, kind: FacetKind, bowed: Mask, m: int) -> csr_matrix:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.arguments import check_name, numbers, with_known_keywords
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.carried import carried
@@ -17,8 +18,6 @@ from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.motion import MotionLike, rigid_motion
 from skfem_contact.obstacles.obstacle import Obstacle, facing
-
-Array = NDArray[np.float64]
 
 #: Steps of central differences, as fractions of the size of the surface: for gradients (the cube
 #: root of round-off) and for second derivatives, which only steer the Newton steps.

@@ -9,13 +9,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skfem_contact.arguments import numbers, shown
+from skfem_contact.arrays import Array
 from skfem_contact.errors import InputError
-
-Array = NDArray[np.float64]
-
 
 #: Angles below this have their factors by series: what the quotients lose of their digits.
 SMALL = 1e-2

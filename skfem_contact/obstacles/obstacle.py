@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix, identity
 
 from skfem_contact.arguments import PrintedAsCall, check_kind, check_name, numbers
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.bare import bare_surface
 from skfem_contact.bodies.facets import area_vectors
 from skfem_contact.bodies.normals import sizes, tangents
@@ -26,8 +27,6 @@ from skfem_contact.pairing.node import Pairing, gap_vectors, node_to_segment
 from skfem_contact.pairing.thresholds import FACING
 from skfem_contact.sealed import sealed
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 #: Weights of the corners, for the corners of new facets, and these; None where none is cut.
 Cut = tuple[csr_matrix, Index] | None
 Moved = TypeVar("Moved", bound="Faceted")

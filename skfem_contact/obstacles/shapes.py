@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import check_switch, number, take, with_known_keywords
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
@@ -21,7 +22,6 @@ from skfem_contact.obstacles.obstacle import (
 )
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
 Paired = NDArray[np.bool_]
 
 

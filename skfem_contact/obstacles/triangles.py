@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -21,6 +21,7 @@ from skfem_contact.arguments import (
     take,
     with_known_keywords,
 )
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.facets import area_vectors, twin_edges
 from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.selection import written
@@ -30,9 +31,6 @@ from skfem_contact.obstacles.obstacle import Faceted, volume
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
 from skfem_contact.trees import pairs_within
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 #: Corners closer than this part of the extent are one: files give those of every triangle anew, equal
 #: up to the single precision they are written in.

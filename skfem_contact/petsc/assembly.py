@@ -21,15 +21,13 @@ from scipy.sparse import csr_matrix, issparse
 from skfem.assembly import CellBasis
 from skfem.generic_utils import OrientedBoundary
 
-from skfem_contact.arrays import dof_numbers
+from skfem_contact.arrays import Index, dof_numbers
 from skfem_contact.bodies.inputs import stiffness_of
 from skfem_contact.errors import InputError
 from skfem_contact.petsc.layout import bisected
 from skfem_contact.petsc.ranks import Ranks, csr_of
 from skfem_contact.petsc.stiffness import RankedStiffness, Rows
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Contribution = tuple[Index, csr_matrix]
 
 # Elements of the pieces of a mesh that a rank assembles one after the other: scikit-fem takes some

@@ -23,10 +23,10 @@ from itertools import repeat
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.blas import dsymv
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.member import Member
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import LinearSolveError, SingularMatrix
@@ -41,9 +41,6 @@ from skfem_contact.petsc.stacked import StackedStiffness
 from skfem_contact.petsc.stiffness import RankedStiffness
 
 logger = logging.getLogger("skfem_contact")
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class DistributedFactor:

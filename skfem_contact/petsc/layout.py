@@ -12,15 +12,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 # Diagonal entry of the triangular factor over the largest one below which a rigid motion follows from
 # the others on the DOFs that are left, and is no direction of its own for multigrid.

@@ -21,14 +21,12 @@ from functools import cached_property, lru_cache
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Array
 from skfem_contact.errors import InputError, LinearSolveError, warn
 from skfem_contact.petsc.body_share import BodyShare
 from skfem_contact.petsc.share import Database, Settings, Share, Solved, command_line
-
-Array = NDArray[np.float64]
 
 # Seconds between two looks for the next command, at first and after a while: a rank that waits takes
 # no core from the one that works. A linear problem that is worth distributing takes 1000 times as long.
@@ -73,7 +71,8 @@ def ranks() -> Ranks:
             "numbers in double precision. On Debian set PETSC_DIR to a folder that ends in -real."
         )
     _wait_for_all(MPI.COMM_WORLD)
-    own = Ranks(PETSc, MPI, Intracomm(MPI.COMM_WORLD.Dup()))
+    comm = MPI.COMM_WORLD.Dup()
+    own = Ranks(PETSc, MPI, comm, Intracomm(comm))
     if own.rank:
         own.serve()
     atexit.register(own.stop)
@@ -104,10 +103,12 @@ class Ranks:
     ----------
     rank, size : int
         Number of this one, and how many there are.
+    comm, messages : Intracomm
+        All of them, for PETSc, and as objects with large arrays are sent.
     """
 
-    def __init__(self, PETSc: Any, MPI: Any, comm: Any) -> None:
-        self.PETSc, self.MPI, self.comm = PETSc, MPI, comm
+    def __init__(self, PETSc: Any, MPI: Any, comm: Any, messages: Any = None) -> None:
+        self.PETSc, self.MPI, self.comm, self.messages = PETSc, MPI, comm, messages
         self.rank, self.size = int(comm.rank), int(comm.size)
         self.one = threading.RLock()  # of several threads of the script one at a time has all ranks
         self.shares: dict[int, Share] = {}
@@ -154,10 +155,10 @@ class Ranks:
                 if rank == 0:
                     mine = parts
                 else:
-                    self.comm.send(parts, dest=rank)
+                    self.messages.send(parts, dest=rank)
                 del parts  # before there is the next
             found = [work(self, given, mine)]
-            found += [self.comm.recv(source=rank) for rank in range(1, self.size)]
+            found += [self.messages.recv(source=rank) for rank in range(1, self.size)]
         return found
 
     def factorize(
@@ -192,7 +193,7 @@ class Ranks:
         unread = self.database.unread() if self._count else []
         with self.one:
             for rank in range(1, self.size):
-                self.comm.send((None, (), []), dest=rank)
+                self.messages.send((None, (), []), dest=rank)
             self._end(ending)
         if unread:
             warn(
@@ -208,11 +209,11 @@ class Ranks:
         try:
             while True:
                 self._wait()
-                work, given, dropped = self.comm.recv(source=0)
+                work, given, dropped = self.messages.recv(source=0)
                 if work is None:
                     break
                 self.forget(dropped)
-                self.comm.send(work(self, given, self.comm.recv(source=0)), dest=0)
+                self.messages.send(work(self, given, self.messages.recv(source=0)), dest=0)
         except BaseException:
             self.fail()
         sys.stdout.flush()
@@ -222,7 +223,7 @@ class Ranks:
 
     def _wait(self) -> None:
         looks = 0
-        while not self.comm.Iprobe(source=0):
+        while not self.messages.Iprobe(source=0):
             looks += 1
             time.sleep(SOON if looks < PATIENT else LATER)
 
@@ -269,7 +270,7 @@ class _Together:
         self.own.one.acquire()
         dropped, self.own._dropped = self.own._dropped, []
         for rank in range(1, self.own.size):
-            self.own.comm.send((self.work, self.given, dropped), dest=rank)
+            self.own.messages.send((self.work, self.given, dropped), dest=rank)
         self.own.forget(dropped)
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:

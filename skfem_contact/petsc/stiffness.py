@@ -9,17 +9,15 @@ import weakref
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.remote import RemoteStiffness
 from skfem_contact.errors import InputError
 from skfem_contact.petsc.ranks import Ranks
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Triples = tuple[Index, Index, Array]
 
 

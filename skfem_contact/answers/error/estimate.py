@@ -41,7 +41,6 @@ from dataclasses import replace
 
 import numpy as np
 import skfem
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from skfem.element import DiscreteField
 
@@ -52,6 +51,7 @@ from skfem_contact.answers.error.surface import SurfaceError, chords_error, net_
 from skfem_contact.answers.thresholds import FARTHEST, LOCKED
 from skfem_contact.answers.validity.locking import lockable, locked
 from skfem_contact.answers.values import ContactValues
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
@@ -60,10 +60,6 @@ from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.joints import rim_points
 from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 #: The parts of an answer that is not rated.
 UNKNOWN = ErrorSources(*[np.nan] * 6)

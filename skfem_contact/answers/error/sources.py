@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import ESTIMATED
+from skfem_contact.arrays import Array
 from skfem_contact.digits import SOLVED
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
 Elements = tuple[NDArray[np.intp], Array]
 Three = tuple[float, float, float]
 

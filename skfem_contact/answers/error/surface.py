@@ -32,7 +32,6 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.error.net import Net, between, near_ends, scatter, sharp
@@ -40,6 +39,7 @@ from skfem_contact.answers.error.sources import Three, relative
 from skfem_contact.answers.fields import Contour, contour, displaced, simplex_areas, with_centres
 from skfem_contact.answers.thresholds import SEGMENTS_NEAR
 from skfem_contact.answers.values import ContactValues
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.areas import tributary_areas
 from skfem_contact.bodies.facet_kinds import kind_of
 from skfem_contact.bodies.facets import twin_edges
@@ -48,10 +48,6 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import SOLVED
 from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 #: Degrees of the quadrature of a root that begins within a facet, by the dimension: in the plane one
 #: facet has all of the kink, to a percent; in space it is at another place of each face.

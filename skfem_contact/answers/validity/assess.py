@@ -13,7 +13,6 @@ from functools import wraps
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import A_TENTH
@@ -44,6 +43,7 @@ from skfem_contact.answers.validity.words import (
     sliding_words,
     strain_words,
 )
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
@@ -53,7 +53,6 @@ from skfem_contact.digits import SOLVED
 from skfem_contact.errors import warn
 from skfem_contact.obstacles.obstacle import Obstacle
 
-Array = NDArray[np.float64]
 Key = TypeVar("Key")
 Value = TypeVar("Value")
 

@@ -36,9 +36,9 @@ into a block by up to 15 % at ``e / d = .25``, 30 % at .5 (`tests/verification/t
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import CURVED, PIECES, TWIST
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.kinks import end_slopes
 from skfem_contact.bodies.surface import ContactSurface
@@ -46,10 +46,6 @@ from skfem_contact.bodies.thresholds import ALIKE, STEEPEST
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.thresholds import FACING
 from skfem_contact.pairing.vectors import dot
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 def sagittas(

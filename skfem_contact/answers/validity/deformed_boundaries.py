@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import PAIRS_AT_ONCE, PIECES
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
 from skfem_contact.bodies.facets import seen_from_outside
@@ -27,10 +28,6 @@ from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.vectors import ragged
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 #: The direction of rays in space, its first two in the plane: of no mesh that has a reason.
 RAY = np.array([0.8127, 0.3491, 0.4669])

@@ -30,11 +30,11 @@ from typing import Any
 
 import numpy as np
 import skfem
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import ALTERNATING, LOCKED, STIFF_BULK
 from skfem_contact.answers.validity.strain import gradient
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.quadrature import (
     chunks,
@@ -43,8 +43,6 @@ from skfem_contact.bodies.quadrature import (
     scalar_element,
     with_points,
 )
-
-Array = NDArray[np.float64]
 
 #: Shape functions of the corners, by the shape of an element.
 FIRST_ORDER = {

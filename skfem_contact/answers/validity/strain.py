@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import A_TENTH
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.quadrature import (
     chunks,
@@ -27,8 +27,6 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import surface_dofs
-
-Array = NDArray[np.float64]
 
 
 def strains(body: Body, u: Array) -> tuple[float, float, float]:

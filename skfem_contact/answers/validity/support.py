@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import NO_APPROACH, SUPPORTED
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member, Meshed
 from skfem_contact.bodies.surface import ContactSurface
@@ -17,10 +18,6 @@ from skfem_contact.bodies.system import System
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

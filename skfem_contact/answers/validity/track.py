@@ -12,11 +12,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.validity.chords import sagittas
 from skfem_contact.answers.validity.deformed_boundaries import distances
-from skfem_contact.arrays import largest
+from skfem_contact.arrays import Array, Mask, largest
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
@@ -28,10 +27,6 @@ from skfem_contact.obstacles.rigid_body import shape_of
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 #: What `Track.drift` says where nothing has slid past an end.
 NONE_PAST = {"beyond": 0, "overhang": 0.0, "beyond_share": 0.0}
