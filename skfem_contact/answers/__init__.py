@@ -1,8 +1,8 @@
 """Answers, and what can be said of them.
 
 * `answer`: all numbers of a load step, for the modules of this library, and forces of supports;
-  `fields`, `values`: those of each contact, between its points and at them; `placed`, `newton`: where
-  bodies that are not linear are and what they remember, and how their residuals fell;
+  `fields`, `values`: those of each contact, between its points and at them; `placed`: where bodies
+  that are not linear are and what they remember, and how their residuals fell;
 * `certificate`: how well the discrete equations hold; `uniqueness`: whether there are other answers, by
   the `pieces` of the equation, or a proof that there is only one; other forces;
 * `validity`: whether the model holds; `error`: how far the mesh may be off;
@@ -53,8 +53,8 @@ __getattr__, __dir__ = entrances(
     {
         "answer": "answer_of",
         "certificate": "Certificate",
-        "error.net": "Net",
         "error.sources": "ErrorEstimate ErrorSources",
+        "error.surface": "Net",
         "fields": "contour interpolate",
         "pieces": "critical_friction orientation turning_springs",
         "result": "ContactResult",

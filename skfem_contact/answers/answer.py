@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from skfem_contact.answers.newton import Newton
-from skfem_contact.answers.placed import Placed, point_forces
+from skfem_contact.answers.placed import Newton, Placed, point_forces
 from skfem_contact.answers.validity.validity import Diagnostics
 from skfem_contact.arrays import Array
 from skfem_contact.assemblies.bolt import Bolts

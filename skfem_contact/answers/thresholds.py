@@ -32,8 +32,6 @@ FARTHEST = 10.0
 # share of it they are within a factor of three; beyond, points are too few to say by how much.
 ESTIMATED = 0.3
 
-# -- error.net ---------------------------------------------------
-
 # At the end of stick a square root misfits its nodes at least ten times as much as those beside
 # them, a smooth function with a jump in its curvature about as much.
 SHARPER = 3.0

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer, answer_of
-from skfem_contact.answers.newton import Newton
-from skfem_contact.answers.placed import Placed
+from skfem_contact.answers.placed import Newton, Placed
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.validity.validity import Issued
 from skfem_contact.answers.validity.watch import Watch

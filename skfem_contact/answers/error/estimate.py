@@ -29,7 +29,7 @@ the distance: what they do wrong reaches the contact as a field that varies litt
 
 An answer is not rated, and its total NaN, where one of them is not known: `chords` of second-order
 faces that stand straight for a curve, `scatter` where all points are near ends of the surface; and
-where a body locks (`validity.locking`), since its answer shows nothing of that error.
+where a body locks (`validity.strain`), since its answer shows nothing of that error.
 
 What no answer shows of itself is not in it: what else curved bodies lose with straight facets, load
 steps too long for a history that depends on the path, the limits of the linear theory.
@@ -45,11 +45,10 @@ from scipy.sparse.csgraph import connected_components
 from skfem.element import DiscreteField
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.error.net import Net
 from skfem_contact.answers.error.sources import Elements, ErrorEstimate, ErrorSources
-from skfem_contact.answers.error.surface import SurfaceError, chords_error, net_of
+from skfem_contact.answers.error.surface import Net, SurfaceError, chords_error, net_of
 from skfem_contact.answers.thresholds import FARTHEST, LOCKED
-from skfem_contact.answers.validity.locking import lockable, locked
+from skfem_contact.answers.validity.strain import lockable, locked
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body

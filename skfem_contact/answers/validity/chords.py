@@ -17,7 +17,7 @@ wrong by as large a part of them at most, and by less than half of that in gener
 In the plane and in space, curvatures are tensors K. Along a facet of the plane, or an edge or diagonal
 of a face, a smooth boundary is a curve over a chord: its slopes at both ends follow from the averaged
 normals, and say how it bends, ``k h`` of a chord of length h, by the rules of
-`bodies.kinks.end_slopes` (what is straight, a kink, or a polygon of less than 16 sides does not
+`bodies.normal_field.end_slopes` (what is straight, a kink, or a polygon of less than 16 sides does not
 bend). The tensor of a face takes what all its chords say. Between two sides
 
     e = max |x' (K_s + K_p) x| / 8
@@ -40,7 +40,7 @@ import numpy as np
 from skfem_contact.answers.thresholds import CURVED, PIECES, TWIST
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.bodies.kinks import end_slopes
+from skfem_contact.bodies.normal_field import end_slopes
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import ALIKE, STEEPEST
 from skfem_contact.digits import COMPUTED, GIVEN
@@ -252,7 +252,7 @@ def _chords(kind: FacetKind) -> Index:
 def _rises(along: Array, across: Array, first: Array, last: Array) -> tuple[Array, Mask]:
     """Curvature times the square of the length of chords (nf, c, 3), from the normals at their ends.
 
-    Zero where a chord is no piece of a curve, as in `bodies.kinks.end_slopes`; and those which are
+    Zero where a chord is no piece of a curve, as in `normal_field.end_slopes`; and those which are
     neither that nor straight.
     """
     length = np.linalg.norm(along, axis=2)

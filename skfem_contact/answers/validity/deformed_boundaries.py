@@ -20,7 +20,7 @@ from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
 from skfem_contact.bodies.facets import seen_from_outside
-from skfem_contact.bodies.nodes import facet_nodes, node_dofs
+from skfem_contact.bodies.selection import facet_nodes, node_dofs
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import SOLVED
 from skfem_contact.obstacles.obstacle import Obstacle
@@ -463,7 +463,7 @@ def signed_distance(obstacle: Obstacle, surface: ContactSurface, points: Array) 
 
 def distances(obstacle: Obstacle, surface: ContactSurface) -> tuple[Array, Array, Mask]:
     """Distances, normals and partners of `Obstacle.distance`, of a level set to first order."""
-    from skfem_contact.obstacles.level_set import LevelSet
+    from skfem_contact.obstacles.shapes import LevelSet
 
     if not isinstance(obstacle, LevelSet):
         return obstacle.distance(surface)

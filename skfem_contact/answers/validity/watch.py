@@ -13,9 +13,8 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import A_TENTH, PRESSED, SUSPECTED
 from skfem_contact.answers.validity.assess import Assessment
 from skfem_contact.answers.validity.contact_watch import ContactWatch
-from skfem_contact.answers.validity.locking import lockable, may_lock
 from skfem_contact.answers.validity.overlaps import Overlaps
-from skfem_contact.answers.validity.strain import leaning, rigid_rotations
+from skfem_contact.answers.validity.strain import leaning, lockable, may_lock, rigid_rotations
 from skfem_contact.answers.validity.support import Support
 from skfem_contact.answers.validity.validity import Diagnostics, Issued
 from skfem_contact.arrays import Array, Index
