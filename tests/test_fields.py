@@ -120,13 +120,6 @@ def test_interpolation_by_shape_functions(element):
     assert_allclose(interpolate(top, values[:, 1], points + [0.0, 0.2]), x, rtol=0, atol=1e-9)
 
 
-def test_interpolation_says_what_it_needs():
-    """Positions of the wrong shape are refused."""
-    top = surface([0, 1.0])
-    with pytest.raises(sc.errors.InputError, match=r"positions \(p, 2\)"):
-        interpolate(top, np.zeros(2), np.zeros((4, 3)))
-
-
 def test_lengths_along_curved_facets():
     """A quadratic facet on a parabola is as long as its arc; its halves in proportion to the chords."""
     mesh = fem.MeshQuad2.from_mesh(fem.MeshQuad().with_defaults()).with_defaults()

@@ -33,7 +33,6 @@ from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
-from skfem_contact.errors import InputError
 from skfem_contact.pairing.projection import project
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
@@ -53,11 +52,6 @@ def interpolate(surface: ContactSurface, values: Array, points: Array) -> Array:
     -------
     ndarray, shape (p, ...)
     """
-    points = np.atleast_2d(np.asarray(points, dtype=float))
-    if points.ndim != 2 or points.shape[1] != surface.points.shape[1]:
-        raise InputError(
-            f"points have shape {points.shape}; give positions (p, {surface.points.shape[1]})"
-        )
     few = min(4, len(surface.facets))
     middle = surface.points[surface.facets].mean(axis=1)
     near = np.asarray(Tree(middle).query(points, k=few)[1]).reshape(len(points), few)

@@ -302,12 +302,12 @@ class ContactResult(ByContact):
         answer = self._answer
         return rigid_rotations(answer.system, answer.contacts, answer.state.surface)
 
-    @cached_property
+    @once
     def certificate(self) -> Certificate:
         """Dimensionless numbers measured from the answer, for all degrees of freedom."""
-        return self._certified
+        return certify(self._answer)
 
-    @cached_property
+    @once
     def validity(self) -> Validity:
         """Return whether the model holds at the answer; computed when first asked for, see `Validity`.
 
@@ -316,9 +316,9 @@ class ContactResult(ByContact):
         ContactWarning
             What is beyond its bound and has not been said in this history.
         """
-        return self._assessed
+        return assess(self._answer)
 
-    @cached_property
+    @once
     def uniqueness(self) -> Uniqueness | None:
         """Whether this load, or loads like it, have other answers; computed when first asked for.
 
@@ -326,21 +326,9 @@ class ContactResult(ByContact):
         is shown to be the only one, see `Uniqueness`. None where it is not computed: on the routes
         without a dense matrix, and where rows depend on each other.
         """
-        return self._counted
-
-    # of several threads that ask at once one computes, and warns
-
-    @once
-    def _certified(self) -> Certificate:
-        return certify(self._answer)
-
-    @once
-    def _assessed(self) -> Validity:
-        return assess(self._answer)
-
-    @once
-    def _counted(self) -> Uniqueness | None:
         return uniqueness(self._answer)
+
+    # of several threads that ask at once for these one computes, and warns
 
     # -- derivatives --------------------------------------------------------------------------
 

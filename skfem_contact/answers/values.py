@@ -21,6 +21,7 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction_rule import steep_words
 from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
 from skfem_contact.errors import InputError
+from skfem_contact.pairing.vectors import cross
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal, sealed
 
@@ -234,10 +235,8 @@ class ContactValues(NamesAttributes):
         centre = np.zeros(d) if about is None else numbers(about, "about", f"give {d} coordinates")
         if centre.shape != (d,):
             raise InputError(f"about has shape {centre.shape}; give a point of {d} coordinates")
-        arm = self.action - centre
-        if d == 2:
-            return float(np.sum(arm[:, 0] * F[:, 1] - arm[:, 1] * F[:, 0]))
-        return np.cross(arm, F).sum(axis=0)
+        total = cross(self.action - centre, F).sum(axis=0)
+        return float(total[0]) if d == 2 else total
 
     @cached_property
     def contact_edges(self) -> Array:

@@ -384,7 +384,10 @@ def end_slopes(points: Array, facets: Index, averaged: Array) -> Array:
     across = np.einsum("fsd,fsd->fs", forward, np.broadcast_to(chord, forward.shape))
     along = chord[..., 0] * forward[..., 1] - chord[..., 1] * forward[..., 0]
     slopes = across / along
-    start, end = slopes[:, 0], -slopes[:, 1]
+    return np.where(of_curves(slopes[:, 0], -slopes[:, 1])[:, None], slopes, 0.0)
+
+
+def of_curves(start: Array, end: Array) -> Mask:
+    """Return which facets stand for pieces of curves, which leave them by these slopes at both ends."""
     least, most = np.minimum(np.abs(start), np.abs(end)), np.maximum(np.abs(start), np.abs(end))
-    curve = (start * end > 0) & (most <= STEEPEST) & (least >= ALIKE * most)
-    return np.where(curve[:, None], slopes, 0.0)
+    return np.asarray((start * end > 0) & (most <= STEEPEST) & (least >= ALIKE * most))

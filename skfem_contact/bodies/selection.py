@@ -117,14 +117,8 @@ def _satisfying(mesh: Any, test: Any, nodes: bool, label: str) -> np.ndarray:
 
     if not nodes:
         return np.flatnonzero(ask(mesh.p[:, mesh.facets].mean(axis=1)))
-    chosen = ask(mesh.p)[mesh.facets].all(axis=0)
-    # the middle nodes of a quadratic mesh: of edges and faces in 3-D, of facets in 2-D
-    if mesh.dofs.edge_dofs.size:
-        middle = ask(mesh.doflocs[:, mesh.dofs.edge_dofs[0]])
-        chosen &= middle[mesh_edges(mesh, mesh.facets, np.roll(mesh.facets, -1, axis=0))].all(axis=0)
-    if mesh.dofs.facet_dofs.size:
-        chosen &= ask(mesh.doflocs[:, mesh.dofs.facet_dofs[0]])
-    return np.flatnonzero(chosen)
+    on_facets = facet_nodes(mesh, mesh.dofs, np.arange(mesh.nfacets), mesh.facets.T)
+    return np.flatnonzero(ask(mesh.doflocs)[on_facets].all(axis=1))
 
 
 def mesh_edges(mesh: Any, start: np.ndarray, end: np.ndarray) -> np.ndarray:
@@ -144,17 +138,17 @@ def written(point: np.ndarray) -> str:
 # -- nodes of facets -------------------------------------------------------------------------------
 
 
-def facet_nodes(basis: Any, numbers: Index, vertices: Index) -> Index:
+def facet_nodes(mesh: Any, dofs: Any, numbers: Index, vertices: Index) -> Index:
     """The nodes of facets, shape (nf, k): corners, then middles of edges of faces, then the middle.
 
     Of the mesh vertex v has the number v, edge e ``nvertices + e``, and facet f
     ``nvertices + nedges + f``; in the plane there are no edges.
     """
-    mesh, columns, first = basis.mesh, [vertices], basis.mesh.nvertices
-    if basis.edge_dofs.size:
+    columns, first = [vertices], mesh.nvertices
+    if dofs.edge_dofs.size:
         columns.append(first + mesh_edges(mesh, vertices, np.roll(vertices, -1, axis=1)))
         first += mesh.edges.shape[1]
-    if basis.facet_dofs.size:
+    if dofs.facet_dofs.size:
         columns.append(first + numbers[:, None])
     return np.concatenate(columns, axis=1)
 

@@ -292,7 +292,7 @@ def surface_on(body: Any, numbers: np.ndarray, name: str, label: str | None = No
     if body.dim == 2:
         order = order_along(vertices)
         numbers, vertices = numbers[order], vertices[order]
-    given = facet_nodes(basis, numbers, vertices)
+    given = facet_nodes(mesh, basis, numbers, vertices)
     kind, twins = kind_of(body.dim, given.shape[1]), twin_edges(vertices)
     met = np.argsort(kind.locations[:, 0]) if kind.dim == 1 else np.arange(kind.nodes)
     unique, facets = as_met(given[:, met])

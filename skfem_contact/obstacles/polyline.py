@@ -146,10 +146,7 @@ def _near_edges(start: Array, end: Array, touching: float) -> tuple[Index, Index
     radius = 0.5 * np.linalg.norm(end - start, axis=1) + touching
     middle = 0.5 * (start + end)
     # long edges are asked one by one: their circle is no guide for the short ones
-    tree = Tree(middle)
-    found = tree.query_ball_point(middle, radius + radius.max())
-    i = np.repeat(np.arange(len(middle)), [len(some) for some in found])
-    j = np.concatenate([np.asarray(some, dtype=np.intp) for some in found])
+    i, j = Tree(middle).pairs(middle, 2 * float(radius.max()))
     near = (i < j) & (np.linalg.norm(middle[i] - middle[j], axis=1) <= radius[i] + radius[j])
     return i[near], j[near]
 

@@ -57,7 +57,7 @@ from skfem_contact.answers.fields import (
 )
 from skfem_contact.answers.thresholds import SEGMENTS_NEAR, SHARPER
 from skfem_contact.answers.values import ContactValues
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, off_segments
 from skfem_contact.bodies.facet_kinds import kind_of
 from skfem_contact.bodies.facets import tributary_areas, twin_edges
 from skfem_contact.bodies.normal_field import sizes_and_normals
@@ -201,10 +201,7 @@ def _distance(pieces: Array, points: Array) -> Array:
     few = min(SEGMENTS_NEAR, len(pieces))
     near = Tree(pieces.mean(axis=1)).query(points, k=few)[1].reshape(len(points), few)
     start, along = pieces[near, 0], pieces[near, -1] - pieces[near, 0]
-    away = points[:, None] - start
-    square = np.maximum(np.sum(along**2, axis=2), np.finfo(float).tiny)
-    part = np.clip(np.sum(away * along, axis=2) / square, 0.0, 1.0)
-    return np.asarray(np.linalg.norm(away - part[..., None] * along, axis=2).min(axis=1))
+    return np.asarray(np.linalg.norm(off_segments(points[:, None], start, along), axis=2).min(axis=1))
 
 
 def cut(surface: ContactSurface) -> ContactSurface:

@@ -153,7 +153,7 @@ class Assessment:
         if strain > A_TENTH:
             found["strain"] = strain_words(name, strain)
         if rotation > max(A_TENTH, strain):
-            found["rotation"] = rotation_words({name: rotation})
+            found["rotation"] = rotation_words(name, rotation)
         if name in self.lockable:
             words = locking_words(name, self.solids[name], locked(self.result, name))
             found |= {"locking": words} if words else {}

@@ -40,9 +40,8 @@ import numpy as np
 from skfem_contact.answers.thresholds import CURVED, PIECES, TWIST
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.bodies.normal_field import end_slopes
+from skfem_contact.bodies.normal_field import end_slopes, of_curves
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.bodies.thresholds import ALIKE, STEEPEST
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.thresholds import FACING
 from skfem_contact.pairing.vectors import dot
@@ -261,6 +260,5 @@ def _rises(along: Array, across: Array, first: Array, last: Array) -> tuple[Arra
         sign * dot(n, along) / length / np.maximum(dot(n, across[:, None]), FACING)
         for sign, n in ((-1.0, first), (1.0, last))
     )
-    least, most = np.minimum(np.abs(start), np.abs(end)), np.maximum(np.abs(start), np.abs(end))
-    curve = (start * end > 0) & (most <= STEEPEST) & (least >= ALIKE * most)
+    curve, most = of_curves(start, end), np.maximum(np.abs(start), np.abs(end))
     return np.where(curve, (start + end) * length, 0.0), ~curve & (most > GIVEN)

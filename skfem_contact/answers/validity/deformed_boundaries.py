@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import PAIRS_AT_ONCE, PIECES
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, off_segments
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
 from skfem_contact.bodies.facets import seen_from_outside
@@ -220,7 +220,7 @@ class BoundaryNodes:
     def of(cls, body: Body) -> BoundaryNodes:
         """Those of a body."""
         basis, mesh = body.basis, body.basis.mesh
-        nodes = facet_nodes(basis, *seen_from_outside(mesh, mesh.boundary_facets()))
+        nodes = facet_nodes(mesh, basis, *seen_from_outside(mesh, mesh.boundary_facets()))
         some, facets = np.unique(nodes, return_inverse=True)
         dofs = node_dofs(basis, some, body.components)
         points = basis.doflocs[:, dofs[:, 0]].T
@@ -291,9 +291,7 @@ def _to_simplices(points: Array, corners: Array) -> Array:
     """Distances of points (p, d) from one piece or triangle each, (p, d, d)."""
     side = np.roll(corners, -1, axis=1) - corners
     away = points[:, None] - corners
-    square = np.maximum(np.einsum("psd,psd->ps", side, side), np.finfo(float).tiny)
-    part = np.clip(np.einsum("psd,psd->ps", away, side) / square, 0.0, 1.0)
-    to_edges = np.linalg.norm(away - part[..., None] * side, axis=2).min(axis=1)
+    to_edges = np.linalg.norm(off_segments(points[:, None], corners, side), axis=2).min(axis=1)
     if points.shape[1] == 2:
         return np.asarray(to_edges)
     normal = np.cross(side[:, 0], -side[:, 2])

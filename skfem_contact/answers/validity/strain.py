@@ -144,44 +144,34 @@ def rigid_rotations(system: System, contacts: Sequence[Contact], surface: Array)
         x = np.concatenate([points for points, _ in pairs])
         y = x + np.concatenate([u for _, u in pairs])
         x, y = x - x.mean(axis=0), y - y.mean(axis=0)
-        if x.shape[1] == 3:
-            angles[system.names[i]] = _angle(x, y)
-            continue
-        turned = np.sum(x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0])
-        angles[system.names[i]] = float(np.arctan2(turned, np.sum(x * y)))
+        angles[system.names[i]] = _angle(x, y)
     return angles
 
 
 def _angle(x: Array, y: Array) -> float:
-    """Of the rotation that brings points (m, 3) closest to others: the polar factor of y'x [rad].
-
-    >>> x = np.array([[1.0, 0, 0], [0, 1, 0], [-1, -1, 0]])
-    >>> y = np.array([[0.0, 1, 0], [-1, 0, 0], [1, -1, 0]])
-    >>> round(_angle(x, y) / np.pi, 12)
-    0.5
-    """
+    """The angle of the rotation that is closest to the way from points (n, d) to others, about 0."""
     left, _, right = np.linalg.svd(y.T @ x)
     left[:, -1] *= np.sign(np.linalg.det(left) * np.linalg.det(right))  # no mirror image
     turn = left @ right
+    if len(turn) == 2:
+        return float(np.arctan2(turn[1, 0], turn[0, 0]))
     vector = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     return float(np.arctan2(np.linalg.norm(vector), np.trace(turn) - 1))
 
 
 def leaning(shares: dict[str, float]) -> dict[tuple[str, str], str]:
     """What moments of second order change of rigid bodies' motion, beyond its bound, in words."""
-    far = {name: share for name, share in shares.items() if share > A_TENTH}
-    return {("second order", name): leaning_words({name: share}) for name, share in far.items()}
-
-
-def leaning_words(far: dict[str, float]) -> str:
-    """Say that the loads of rigid bodies go along with them further than small sliding has it."""
-    listed = " and ".join(f"{name!r} by {100 * share:.3g} %" for name, share in far.items())
-    return (
-        "Rigid bodies carry their loads along, and contact forces act where the points have moved to: "
-        "small sliding, which has the arms of the undeformed place, leaves out the moment of that. It "
-        f"would change the motion of {listed} at first, and without end where a body rolls off or "
-        "topples. Give its contacts sliding='finite', or hold its rotation by D."
-    )
+    return {
+        ("second order", name): (
+            "Rigid bodies carry their loads along, and contact forces act where the points have moved "
+            "to: small sliding, which has the arms of the undeformed place, leaves out the moment of "
+            f"that. It would change the motion of {name!r} by {100 * share:.3g} % at first, and "
+            "without end where a body rolls off or topples. Give its contacts sliding='finite', or "
+            "hold its rotation by D."
+        )
+        for name, share in shares.items()
+        if share > A_TENTH
+    }
 
 
 # -- locking ---------------------------------------------------------------------------------------

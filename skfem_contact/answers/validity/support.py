@@ -111,16 +111,12 @@ class Support:
 
 def unit_motions(points: Array, centre: Array, arm: float) -> Array:
     """Displacements (m, d, r) of points by translations and turns, of order one."""
-    if points.shape[1] == 3:
-        modes = np.zeros((len(points), 3, 6))
-        modes[:, :, :3] = np.eye(3)
-        arms = np.broadcast_to((points - centre)[:, None] / arm, (len(points), 3, 3))
-        modes[:, :, 3:] = np.swapaxes(np.cross(np.eye(3), arms), 1, 2)
-        return modes
-    modes = np.zeros((len(points), 2, 3))
-    modes[:, 0, 0] = modes[:, 1, 1] = 1.0
-    x = (points - centre) / arm
-    modes[:, 0, 2], modes[:, 1, 2] = -x[:, 1], x[:, 0]
+    d, away = points.shape[1], (points - centre) / arm
+    planes = [(0, 1)] if d == 2 else [(1, 2), (2, 0), (0, 1)]
+    modes = np.zeros((len(points), d, d + len(planes)))
+    modes[:, :, :d] = np.eye(d)
+    for turn, (i, j) in enumerate(planes, start=d):
+        modes[:, i, turn], modes[:, j, turn] = -away[:, j], away[:, i]
     return modes
 
 
