@@ -18,8 +18,6 @@ from skfem_contact.entrances import entrances
 
 if TYPE_CHECKING:
     from skfem_contact.answers.certificate import Certificate as Certificate
-    from skfem_contact.answers.error.sources import ErrorEstimate as ErrorEstimate
-    from skfem_contact.answers.error.sources import ErrorSources as ErrorSources
     from skfem_contact.answers.result import ContactResult as ContactResult
     from skfem_contact.answers.tangent.changes import Parameter as Parameter
     from skfem_contact.answers.tangent.modes import Modes as Modes
@@ -30,6 +28,8 @@ if TYPE_CHECKING:
     from skfem_contact.answers.validity.validity import Drift as Drift
     from skfem_contact.answers.validity.validity import Validity as Validity
     from skfem_contact.answers.values import ContactValues as ContactValues
+    from skfem_contact.answers.values import ErrorEstimate as ErrorEstimate
+    from skfem_contact.answers.values import ErrorSources as ErrorSources
 
 __all__ = [
     "Certificate",
@@ -53,7 +53,6 @@ __getattr__, __dir__ = entrances(
     {
         "answer": "answer_of",
         "certificate": "Certificate",
-        "error.sources": "ErrorEstimate ErrorSources",
         "error.surface": "Net",
         "fields": "contour interpolate",
         "pieces": "critical_friction orientation turning_springs",
@@ -72,6 +71,6 @@ __getattr__, __dir__ = entrances(
         "validity.track": "Rim Track curvatures node_lengths",
         "validity.validity": "ContactValidity Drift Validity",
         "validity.words": "facet_words",
-        "values": "ContactValues",
+        "values": "ContactValues ErrorEstimate ErrorSources",
     },
 )

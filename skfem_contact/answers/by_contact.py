@@ -22,7 +22,7 @@ from skfem_contact.conditions.state import OPEN, SLIP
 from skfem_contact.errors import InputError
 
 if TYPE_CHECKING:
-    from skfem_contact.answers.error.sources import ErrorEstimate
+    from skfem_contact.answers.values import ErrorEstimate
 
 
 class _Its(property):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.arrays import largest
 from skfem_contact.carried import ByFields
-from skfem_contact.obstacles.motion import rotation_matrix, spin
+from skfem_contact.obstacles.obstacle import rotation_matrix, spin
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]

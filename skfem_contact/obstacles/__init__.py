@@ -1,7 +1,7 @@
 """Rigid obstacles: they are paired and they move, as they are told or by their loads.
 
-* `obstacle`, `motion`: what every obstacle does, and what is made of straight facets; how motions are
-  written, turns in space included;
+* `obstacle`: what every obstacle does, and what is made of straight facets; how motions are written,
+  turns in space included;
 * `shapes`: planes, cylinders, spheres; a function of position;
 * `polyline`, `triangles`: an outline of edges; a surface of triangles, from a file; `bends`: their
   flats, along the bends beside them;
@@ -21,8 +21,7 @@ __getattr__, __dir__ = entrances(
     __name__,
     __all__,
     {
-        "motion": "read_motion rotation_matrix spin",
-        "obstacle": "Obstacle",
+        "obstacle": "Obstacle read_motion rotation_matrix spin",
         "shapes": "LevelSet",
     },
 )

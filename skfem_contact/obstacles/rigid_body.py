@@ -26,8 +26,7 @@ from skfem_contact.bodies.rigid_modes import motion_names
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.motion import MotionLike
-from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.obstacles.obstacle import MotionLike, Obstacle
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal, sealed, sealed_matrix
 

@@ -16,13 +16,14 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.carried import carried
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.motion import MotionLike, rigid_motion
 from skfem_contact.obstacles.obstacle import (
+    MotionLike,
     Obstacle,
     check_dimension,
     direction,
     facing,
     location,
+    rigid_motion,
 )
 from skfem_contact.records import dataclass
 

@@ -35,8 +35,6 @@ from skfem_contact.trees import pairs_within
 #: Corners closer than this part of the extent are one: files give those of every triangle anew, equal
 #: up to the single precision they are written in.
 SAME_CORNER = 1e-7
-#: Height of a triangle over its longest side below which it has no direction: digits of such files.
-NO_HEIGHT = 1e-7
 
 #: How meshio calls faces that are no plain triangles, or curved ones.
 OTHER_FACES = ("triangle", "quad", "polygon")
@@ -208,7 +206,7 @@ def _check_triangles(points: Array, triangles: Index, label: str) -> None:
     x = points[triangles]
     sides = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2)
     longest = sides.max(axis=1)
-    flat = np.flatnonzero(sizes(area_vectors(x)) <= NO_HEIGHT * longest**2)
+    flat = np.flatnonzero(sizes(area_vectors(x)) <= SAME_CORNER * longest**2)
     if len(flat):
         raise InputError(
             f"{len(flat)} triangles of {label!r} have no area, the first is number {flat[0]} at "

@@ -23,6 +23,7 @@ from skfem.generic_utils import OrientedBoundary
 
 from skfem_contact.arrays import Index, dof_numbers
 from skfem_contact.bodies.inputs import stiffness_of
+from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.petsc.layout import bisected
 from skfem_contact.petsc.ranks import Ranks, csr_of
@@ -33,11 +34,6 @@ Contribution = tuple[Index, csr_matrix]
 # Elements of the pieces of a mesh that a rank assembles one after the other: scikit-fem takes some
 # 40 kB for a hexahedron of 8 nodes, so this is 80 MB, and a call takes milliseconds.
 ELEMENTS_AT_ONCE = 2000
-
-# Difference between the stiffness of some elements and the sum of those of each, over its largest
-# entry, above which the user's function is no sum over elements: round-off of sums of some ten entries
-# is 1e-15, and springs that are softer than this change no answer.
-SAME_SUM = 1e-10
 
 
 def numbering(mesh: Any, element: Any) -> CellBasis:
@@ -207,7 +203,7 @@ def _on_piece(own: Ranks, function: Any, parts: list[Any]) -> Contribution:
 def _check_sum(K: csr_matrix, parts: list[csr_matrix]) -> None:
     """Check that the stiffness of some elements is the sum of those of each."""
     off, largest = abs(K - sum(parts)).max(), abs(K).max()
-    if off > SAME_SUM * largest:
+    if off > COMPUTED * largest:
         raise InputError(
             "K of some elements is not the sum of those of each of them: off by "
             f"{off / largest:.1e} of its largest entry. The function sees pieces of the mesh, which "

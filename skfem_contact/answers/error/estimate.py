@@ -45,11 +45,10 @@ from scipy.sparse.csgraph import connected_components
 from skfem.element import DiscreteField
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.error.sources import Elements, ErrorEstimate, ErrorSources
 from skfem_contact.answers.error.surface import Net, SurfaceError, chords_error, net_of
 from skfem_contact.answers.thresholds import FARTHEST, LOCKED
 from skfem_contact.answers.validity.strain import lockable, locked
-from skfem_contact.answers.values import ContactValues
+from skfem_contact.answers.values import ContactValues, Elements, ErrorEstimate, ErrorSources
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface

@@ -46,7 +46,6 @@ import numpy as np
 from scipy.sparse import csr_matrix, diags_array
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.error.sources import Three, relative
 from skfem_contact.answers.fields import (
     Contour,
     NormalEquations,
@@ -56,7 +55,7 @@ from skfem_contact.answers.fields import (
     with_centres,
 )
 from skfem_contact.answers.thresholds import SEGMENTS_NEAR, SHARPER
-from skfem_contact.answers.values import ContactValues
+from skfem_contact.answers.values import ContactValues, Three, relative
 from skfem_contact.arrays import Array, Index, Mask, off_segments
 from skfem_contact.bodies.facet_kinds import kind_of
 from skfem_contact.bodies.facets import tributary_areas, twin_edges

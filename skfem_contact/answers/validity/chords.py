@@ -37,10 +37,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from skfem_contact.answers.thresholds import CURVED, PIECES, TWIST
+from skfem_contact.answers.thresholds import PIECES, TWIST
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normal_field import end_slopes, of_curves
+from skfem_contact.bodies.quadrics import bowed_facets
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.thresholds import FACING
@@ -178,14 +179,8 @@ def bends(surface: ContactSurface) -> tuple[Array, Array]:
             return bend, (0.5 if surface.quadratic else 1.0) * edges
     if not surface.quadratic:
         return bend, edges
-    kind, count = surface.kind, edges.shape[1]
-    x = surface.points[surface.facets]
-    ends = x[:, : kind.corners]
-    away = (
-        x[:, kind.corners : kind.corners + count] - 0.5 * (ends + np.roll(ends, -1, axis=1))[:, :count]
-    )
-    height = np.abs(np.einsum("fcd,fd->fc", away, surface.facet_normals)).max(axis=1)
-    curved = height >= CURVED * np.abs(rise[:, :count]).max(axis=1) / 8
+    # a facet with its middle nodes on the curve has two parts
+    curved = bowed_facets(surface.points, surface.facets, surface.kind)
     return bend, np.where(curved[:, None, None], 0.5, 1.0) * edges
 
 

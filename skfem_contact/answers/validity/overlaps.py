@@ -42,8 +42,7 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.digits import SOLVED
-from skfem_contact.obstacles.motion import MotionLike
-from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.obstacles.obstacle import MotionLike, Obstacle
 from skfem_contact.obstacles.rigid_body import shape_of
 from skfem_contact.pairing.corners import unselected_sides
 from skfem_contact.pairing.node import Pairing, node_to_segment
