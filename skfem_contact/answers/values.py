@@ -242,7 +242,7 @@ class ContactValues(NamesAttributes):
         total = cross(self.action - centre, F).sum(axis=0)
         return float(total[0]) if d == 2 else total
 
-    @property
+    @cached_property
     def contact_edges(self) -> Array:
         """Return where contact ends, within a facet: points (k, 2), in 3-D segments (s, 2, 3) [length].
 
@@ -252,12 +252,12 @@ class ContactValues(NamesAttributes):
         edges = sealed(self._contour.segments)
         return edges if self.surface.dim == 3 else edges[:, 0]
 
-    @property
+    @cached_property
     def contact_area(self) -> float:
         """Area in contact, up to `contact_edges` [area]."""
         return self._contour.area
 
-    @cached_property
+    @property
     def _contour(self) -> Contour:
         """The edge of contact, and the area within."""
         return contour(self._placed, self.status != OPEN, self.gap)
