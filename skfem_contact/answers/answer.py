@@ -11,11 +11,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skfem_contact.answers.newton import Newton
-from skfem_contact.answers.placed import Placed, point_forces
+from skfem_contact.answers.placed import Newton, Placed, point_forces
 from skfem_contact.answers.validity.validity import Diagnostics
+from skfem_contact.arrays import Array
 from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.boundaries import boundary_dofs
@@ -35,8 +34,6 @@ from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.response import Conditions
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal, sealed
-
-Array = NDArray[np.float64]
 
 
 @dataclass(eq=False)

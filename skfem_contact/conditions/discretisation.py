@@ -16,8 +16,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.digits import COMPUTED, DECIMALS, SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.motion import MotionLike
-from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.obstacles.obstacle import MotionLike, Obstacle
 from skfem_contact.pairing.control import at_control_points
 from skfem_contact.pairing.corners import Names, corner_contacts
 from skfem_contact.pairing.frames import loaded_frames

@@ -10,7 +10,7 @@ import numpy as np
 
 from skfem_contact.arrays import Array, Mask, largest
 from skfem_contact.carried import ByFields
-from skfem_contact.obstacles.motion import rotation_matrix, spin
+from skfem_contact.obstacles.obstacle import rotation_matrix, spin
 from skfem_contact.records import dataclass
 
 

@@ -32,8 +32,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.newton import Iteration
-from skfem_contact.answers.placed import Placed, point_forces
+from skfem_contact.answers.placed import Iteration, Placed, point_forces
 from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase

@@ -24,7 +24,7 @@ from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import point_slices
 from skfem_contact.conditions.loads import BoltLoads, LoadCase, Motion
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.motion import read_motion
+from skfem_contact.obstacles.obstacle import read_motion
 from skfem_contact.obstacles.rigid_body import RigidBody
 
 KEYS = ("f", "x", "interference", "motion", "bolt")

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.tangent.tangent import Tangent
 from skfem_contact.arguments import known_keywords, numbers, shown
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.member import Member
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.friction import Coulomb, Tresca
@@ -27,7 +28,6 @@ from skfem_contact.conditions.state import transport
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
 #: What changes loads of bodies, so that derivatives by these are needed inside; then what does not.
 LOADS = "stiffness", "load", "displacement", "scene"
 BOLTS = "bolt_force", "bolt_stretch"

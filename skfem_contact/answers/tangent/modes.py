@@ -29,6 +29,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.tangent.tangent import Tangent, held_rows, left_free
 from skfem_contact.arguments import shown
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import SOLVED
@@ -38,7 +39,6 @@ from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
 SLIPPING = "stuck", "free", "steady"
 MASSLESS = (
     "modes were not found: the mass matrix is singular on what is free to move, or not positive. "

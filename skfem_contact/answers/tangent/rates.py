@@ -22,14 +22,12 @@ from numpy.typing import NDArray
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.tangent.changes import Change
 from skfem_contact.answers.tangent.tangent import Tangent
-from skfem_contact.arrays import lengths
+from skfem_contact.arrays import Array, lengths
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.problem.points import Duals
 from skfem_contact.problem.response import Load, Response
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
 
 
 @dataclass(eq=False)

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.tangent.changes import Parameter, change, parameter
@@ -14,11 +13,10 @@ from skfem_contact.answers.tangent.rates import Rates, Weights, check_lost, forw
 from skfem_contact.answers.tangent.sides import one_sided
 from skfem_contact.answers.tangent.tangent import Tangent
 from skfem_contact.arguments import numbers, shown
+from skfem_contact.arrays import Array, Index
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.errors import InputError
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 AT_CONTACT = "gap", "normal_force", "pressure", "slip", "tangential_force", "force"
 AT_ALL = "u", "displacement", "dissipation", "bolts"
 

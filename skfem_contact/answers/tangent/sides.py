@@ -30,14 +30,12 @@ from skfem_contact.answers.tangent.changes import Change
 from skfem_contact.answers.tangent.rates import Carried, Rates, Way, forward
 from skfem_contact.answers.tangent.tangent import Tangent
 from skfem_contact.answers.thresholds import MOST_CHANGES
-from skfem_contact.arrays import largest, lengths, unit_vectors
+from skfem_contact.arrays import Array, Mask, largest, lengths, unit_vectors
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.problem.response import Response
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 TINY = np.finfo(float).tiny
 
 

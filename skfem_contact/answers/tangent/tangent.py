@@ -33,7 +33,7 @@ from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.arguments import numbers
-from skfem_contact.arrays import largest, lengths, unit_vectors
+from skfem_contact.arrays import Array, Index, Mask, largest, lengths, unit_vectors
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
@@ -48,10 +48,6 @@ from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.problem.response import Conditions, Source
 from skfem_contact.problem.zone import Zone, Zones
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
