@@ -191,7 +191,8 @@ def _pattern(body: Member, K: Any, points: np.ndarray, keep: np.ndarray, free: n
     """Return where the entries of a tangent go, found once for a body; parameters as of `condensed`."""
     given, known = (K.indptr, K.indices, keep, free), _PATTERNS.get(body)
     if known is None or not all(map(np.array_equal, known[0], given)):
-        known = _PATTERNS[body] = given, Pattern.of(K, points, keep, LEAF, free)
+        found = Pattern.of(K, points, keep, LEAF, free)
+        known = _PATTERNS[body] = given, found._replace(places=list(found.places))
     return known[1]
 
 

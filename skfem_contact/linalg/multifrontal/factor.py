@@ -37,7 +37,7 @@ from scipy.linalg.blas import dgemm, dsyrk, dtrsm, dtrsv, strsv
 from scipy.linalg.lapack import dpotrf
 
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.dense_factors import blocks, mirror
+from skfem_contact.linalg.dense_factors import mirror
 from skfem_contact.linalg.multifrontal.fronts import (
     Leftovers,
     Pattern,
@@ -264,22 +264,13 @@ class MultifrontalCholesky:
 
     @np.errstate(all="ignore")  # the triangles that do not count hold whatever was in memory
     def _factorise(self, diagonal: np.ndarray, points: np.ndarray) -> None:
-        fronts, panels = self.fronts, [*self.panels, (self.S, self.S[:, :0])]
+        fronts, panels = self.fronts, self.panels
         order, start, first = fronts.order, fronts.start.tolist(), fronts.first.tolist()
-        children, runs = fronts.children, find_runs(fronts)
-        left, leftovers = dict[int, np.ndarray](), Leftovers(fronts)
-        for f in fronts.schedule:
+        parent, runs, leftovers = fronts.parent.tolist(), find_runs(fronts), Leftovers(fronts, self.S)
+        for f in fronts.schedule[:-1]:  # what is kept is not eliminated
             F11, F21 = panels[f]
             p, b = F21.shape
-            F22 = leftovers.take(f)
-            for some in blocks(b):  # memory that is touched for the first time takes long: half of it
-                F22[some, some.start :] = 0.0
-            for child in children[f]:
-                rows, alone = fronts.target[first[child] : first[child + 1]], child == children[f][0]
-                extend_add(F11, F21, F22, left.pop(child), rows, runs[child], alone)
-            leftovers.give_back(children[f])
-            if f == len(panels) - 1:
-                break  # what is kept is not eliminated
+            F22, _ = leftovers.of(f)
             if p:
                 _, failed = dpotrf(F11.T, lower=1, clean=0, overwrite_a=1)
                 if failed:
@@ -288,7 +279,10 @@ class MultifrontalCholesky:
             if p and b:
                 dtrsm(1.0, F11.T, F21.T, side=1, lower=1, trans_a=1, overwrite_b=1)
                 dsyrk(-1.0, F21.T, beta=1.0, c=F22.T, lower=1, overwrite_c=1)
-            left[f] = F22
+            if f < len(panels) - 1:  # what the last one leaves is added to S as it stands
+                rows = fronts.target[first[f] : first[f + 1]]
+                extend_add(*panels[parent[f]], *leftovers.of(parent[f]), F22, rows, runs[f])
+                leftovers.give_back(f)
         pivots = np.concatenate([L11.diagonal() for L11, _ in self.panels])
         ratios = pivots**2 / diagonal[: pivots.size]
         worst = int(np.argmin(ratios)) if ratios.size else 0  # a NaN is found as well
