@@ -281,7 +281,8 @@ class MultifrontalCholesky:
                 dsyrk(-1.0, F21.T, beta=1.0, c=F22.T, lower=1, overwrite_c=1)
             if f < len(panels) - 1:  # what the last one leaves is added to S as it stands
                 rows = fronts.target[first[f] : first[f + 1]]
-                extend_add(*panels[parent[f]], *leftovers.of(parent[f]), F22, rows, runs[f])
+                above = *panels[parent[f]], *leftovers.of(parent[f])
+                extend_add(above, F22, rows, runs[f])
                 leftovers.give_back(f)
         pivots = np.concatenate([L11.diagonal() for L11, _ in self.panels])
         ratios = pivots**2 / diagonal[: pivots.size]

@@ -165,9 +165,9 @@ def lower_entries(
 ) -> Iterator[tuple[np.ndarray, ...]]:
     """What is stored on or below the diagonal in the columns that are eliminated, some rows at a time.
 
-    Of each entry where it is stored, the positions of its row and its column in the order of elimination,
-    and whether its row is no pivot of the front that eliminates its column. All of them at once would
-    take more memory than K. Rows and columns that are not free are left out.
+    Of each entry where it is stored, the positions of its row and its column in the order of
+    elimination, and whether its row is no pivot of the front that eliminates its column. All of them at
+    once would take more memory than K. Rows and columns that are not free are left out.
     """
     of_row = np.full(K.shape[0], -1, dtype=K.indices.dtype)  # narrower than most
     of_row[slice(None) if free is None else free] = position
@@ -278,8 +278,8 @@ class Pattern(NamedTuple):
     ----------
     fronts : Fronts
     places : iterable of pairs of ndarray of int
-        Where entries that factors begin with are in the matrix, and where in the storage of all factors;
-        some rows at a time. An iterator serves one matrix, a list many.
+        Where entries that factors begin with are in the matrix, and where in the storage of all
+        factors; some rows at a time. An iterator serves one matrix, a list many.
     """
 
     fronts: Fronts
@@ -347,9 +347,9 @@ class Leftovers:
     """Memory of what fronts leave to their parents: one array for all, filled from both ends.
 
     A front has its square from the time when the first of its children is done, and each child adds to
-    it at once: so those that are there at a time, and their parents, are on one way to the top. Those of
-    even depth take from the beginning of the array, those of odd depth from its end, and the last one
-    taken at either end is given back first. Memory is touched for the first time once, not in every
+    it at once: so those that are there at a time, and their parents, are on one way to the top. Those
+    of even depth take from the beginning of the array, those of odd depth from its end, and the last
+    one taken at either end is given back first. Memory is touched for the first time once, not in every
     front: that took as long as the additions. What the top of the tree leaves is S.
     """
 
@@ -380,10 +380,7 @@ class Leftovers:
 
 
 def extend_add(
-    F11: np.ndarray,
-    F21: np.ndarray,
-    F22: np.ndarray,
-    first: bool,
+    parent: tuple[np.ndarray, np.ndarray, np.ndarray, bool],
     C: np.ndarray,
     rows: np.ndarray,
     runs: list[tuple[int, int, int]],
@@ -392,6 +389,7 @@ def extend_add(
 
     With the `first` child of a front `F22` holds zeros as yet: it is written, which is quicker.
     """
+    F11, F21, F22, first = parent
     p = len(F11)
     if 6 * (len(runs) + 1) > len(rows):  # scattered: one by one
         k = int(rows.searchsorted(p))
