@@ -13,7 +13,7 @@ takes): where friction is Coulomb's the volume is ``k / mu`` times that energy, 
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from functools import cached_property
 from typing import Any
 
@@ -24,6 +24,7 @@ from skfem_contact.arguments import PrintedAsCall, number, numbers, take, with_k
 from skfem_contact.conditions.return_map import Mapped, map_by_bound
 from skfem_contact.conditions.thresholds import DIFFERENCE
 from skfem_contact.errors import InputError
+from skfem_contact.records import dataclass
 from skfem_contact.sealed import kept, sealed
 
 Array = NDArray[np.float64]

@@ -16,7 +16,6 @@ smallest eigenvalue is estimated), and `SingularMatrix` says which DOF has no st
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -38,6 +37,7 @@ from skfem_contact.linalg.singular import (
     singular,
 )
 from skfem_contact.linalg.thresholds import ACCEPTED, LEAF
+from skfem_contact.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ Rotations in space are by rotation vectors: along the axis, as long as the angle
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,7 +61,7 @@ def spin(start: Array, end: Array) -> Array:
 
 
 #: What users write: a translation, or (translation, angle, centre).
-MotionLike = ArrayLike | Sequence[Any]
+MotionLike: TypeAlias = "ArrayLike | Sequence[Any]"
 
 
 def read_motion(motion: Any, d: int, what: str = "motion") -> tuple[Array, Any, Array]:
