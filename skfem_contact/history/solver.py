@@ -9,7 +9,7 @@ import logging
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -400,8 +400,7 @@ logger = logging.getLogger("skfem_contact")
 
 
 # What to write for keywords that belong elsewhere.
-NAMES = [f.name for f in fields(Options)]
-IN_OPTIONS = {name: f"it belongs to options=Options({name}=...)" for name in NAMES}
+IN_OPTIONS = {name: f"it belongs to options=Options({name}=...)" for name in Options.__annotations__}
 IN_OPTIONS["tol"] = "it belongs to options=Options(tolerance=...)"
 IN_STEPS = dict.fromkeys(("f", "x", "start", "guess", "callback"), "it belongs to solver.solve(...)")
 OF_SOLVER = {name: f"{words} of ContactSolver(...)" for name, words in IN_OPTIONS.items()}
