@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.linearizable import State
+from skfem_contact.bodies.nonlinear import NonlinearBody
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
@@ -75,7 +77,9 @@ class Placed:
     stiffness : tuple of csr_matrix
         The tangent of each body; of linear ones the very matrix that they always have.
     internal : ndarray, shape (n,)
-        Internal forces [force].
+        Internal forces, less `beyond` [force].
+    beyond : ndarray, shape (n,)
+        By how much the load of fluids is another than on the undeformed boundary [force].
     material : tuple of State
         Internal variables of each body there; none of linear ones.
     trend : ndarray, shape (n,)
@@ -85,6 +89,7 @@ class Placed:
     u: Array
     stiffness: tuple[csr_matrix, ...]
     internal: Array
+    beyond: Array
     material: tuple[State, ...]
     trend: Array
 
@@ -100,10 +105,11 @@ class Placed:
                     "start has no internal variables of the bodies that are not linear here: it is a "
                     "state of linear ones. Begin without start, or with a state of this kind of bodies."
                 )
-        return cls(u, tuple(stiffness), np.zeros(system.n), states, trend)
+        zero = np.zeros(system.n)
+        return cls(u, tuple(stiffness), zero, zero, states, trend)
 
-    def moved(self, system: System, u: Array) -> Placed:
-        """The bodies at other displacements, from what they remember here.
+    def moved(self, system: System, u: Array, fluid: Mapping[int, Array]) -> Placed:
+        """The bodies at other displacements, from what they remember here, pressed by fluids.
 
         Raises
         ------
@@ -111,14 +117,25 @@ class Placed:
             A body has no answer.
         """
         stiffness, states = list(self.stiffness), list(self.material)
-        internal = np.zeros(system.n)
+        internal, beyond = np.zeros((2, system.n))
         for i, body in enumerate(system.bodies):
             part = system.slice(body)
             if body.nonlinear:
                 stiffness[i], internal[part], states[i] = body.linearize(u[part], self.material[i])
             else:
                 internal[part] = stiffness[i] @ u[part]
-        return Placed(sealed(u), tuple(stiffness), sealed(internal), tuple(states), self.trend)
+            if i in fluid and isinstance(body, NonlinearBody):
+                load, slope = body.pressed(fluid[i], u[part])
+                beyond[part] = load - body.pressed(fluid[i])[0]
+                stiffness[i] = csr_matrix(stiffness[i] - slope)
+        return Placed(
+            sealed(u),
+            tuple(stiffness),
+            sealed(internal - beyond),
+            sealed(beyond),
+            tuple(states),
+            self.trend,
+        )
 
     def stiffened(self, undeformed: Sequence[csr_matrix], share: float) -> Placed:
         """With a share of the tangents of the undeformed bodies added to those of here."""
@@ -126,7 +143,7 @@ class Placed:
             return self
         pairs = zip(self.stiffness, undeformed, strict=True)
         stiffness = tuple(K if K is own else csr_matrix(K + share * own) for K, own in pairs)
-        return Placed(self.u, stiffness, self.internal, self.material, self.trend)
+        return replace(self, stiffness=stiffness)
 
     def resisting(self, system: System, u: Array) -> Array:
         """Return what the bodies as linearised here resist displacements u (n,) with, (n,) [force]."""

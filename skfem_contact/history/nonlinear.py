@@ -282,10 +282,10 @@ class NonlinearSearch:
             try:
                 # a little way back what yielded is elastic again; just here, round-off would decide
                 ratio = min(ratio, LONGER) if ratio > 0 else -GIVEN
-                return begin.moved(system, begin.u + ratio * begin.trend)
+                return begin.moved(system, begin.u + ratio * begin.trend, part.target.fluid)
             except MaterialError:
                 pass
-        return begin.moved(system, begin.u)
+        return begin.moved(system, begin.u, part.target.fluid)
 
     def _solve(self, step: LoadStep, at: Placed, exact: bool) -> Solved:
         """The linear problem near an iterate: contact exactly, or with a few iterations."""
@@ -347,7 +347,7 @@ class NonlinearSearch:
         for _ in range(HALVINGS):
             u = solved.u if share == 1.0 else at.u + share * (solved.u - at.u)
             try:
-                there = begin.moved(system, u)
+                there = begin.moved(system, u, part.target.fluid)
             except MaterialError as error:
                 self._why = str(error)
             else:
