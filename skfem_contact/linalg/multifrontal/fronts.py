@@ -14,6 +14,7 @@ From the pattern alone it is known how large a factorisation will be.
 
 from __future__ import annotations
 
+import weakref
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -300,11 +301,14 @@ class Pattern(NamedTuple):
     fronts : Fronts
     which, place : ndarray of int
         Entries of the matrix that factors begin with, and their places in the storage of all factors.
+    spare : list of ndarray
+        Storage of factors that nobody has any more: new memory takes the system as long as the factors.
     """
 
     fronts: Fronts
     which: np.ndarray
     place: np.ndarray
+    spare: list[np.ndarray]
 
     @classmethod
     def of(
@@ -312,11 +316,19 @@ class Pattern(NamedTuple):
     ) -> Pattern:
         """Say that of a matrix; parameters are those of `MultifrontalCholesky`."""
         fronts, entries = analyse_entries(K, points, keep, leaf, free)
-        return cls(fronts, entries.which, _places(fronts, entries))
+        return cls(fronts, entries.which, _places(fronts, entries), [])
 
     def gather(self, K: Any) -> np.ndarray:
         """Storage for all factors, with the entries of `K` in their places."""
-        data = np.zeros(self.fronts.panel[-2])
+        try:
+            memory = self.spare.pop()
+            memory[:] = 0.0
+        except IndexError:
+            memory = np.zeros(self.fronts.panel[-2])
+        data = np.frombuffer(
+            memoryview(memory)
+        )  # which all views of it keep alive, and not the memory alone
+        weakref.finalize(data, self.spare.append, memory)
         data[self.place] = K.data[self.which]
         return data
 
