@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.bodies.linearizable import State
-from skfem_contact.bodies.nonlinear import NonlinearBody
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
@@ -118,13 +117,14 @@ class Placed:
         """
         stiffness, states = list(self.stiffness), list(self.material)
         internal, beyond = np.zeros((2, system.n))
-        for i, body in enumerate(system.bodies):
+        bodies: tuple[Any, ...] = system.bodies  # those with fluids are not linear
+        for i, body in enumerate(bodies):
             part = system.slice(body)
             if body.nonlinear:
                 stiffness[i], internal[part], states[i] = body.linearize(u[part], self.material[i])
             else:
                 internal[part] = stiffness[i] @ u[part]
-            if i in fluid and isinstance(body, NonlinearBody):
+            if i in fluid:
                 load, slope = body.pressed(fluid[i], u[part])
                 beyond[part] = load - body.pressed(fluid[i])[0]
                 stiffness[i] = csr_matrix(stiffness[i] - slope)

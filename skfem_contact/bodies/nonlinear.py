@@ -213,9 +213,8 @@ class NonlinearBody(Body):
         InputError
             If what the body is given by does not tell its energy.
         """
-        if not hasattr(self.equations, "energy"):
-            raise InputError(f"body {self.name!r} is given by forms: its energy is not known")
-        return self.equations.energy(self._displacements(u), self._state(state))
+        found: tuple[float, float] = self._asked("energy", u, state)
+        return found
 
     def stress(self, u: ArrayLike, state: State | None = None) -> Array:
         """Cauchy's stress at points of integration.
@@ -237,9 +236,12 @@ class NonlinearBody(Body):
         InputError
             If the body is given by forms, which do not tell stresses.
         """
-        if not hasattr(self.equations, "stress"):
-            raise InputError(f"body {self.name!r} is given by forms: its stresses are not known")
-        return self.equations.stress(self._displacements(u), self._state(state))
+        return np.asarray(self._asked("stress", u, state))
+
+    def _asked(self, what: str, u: ArrayLike, state: State | None) -> Any:
+        if not hasattr(self.equations, what):
+            raise InputError(f"body {self.name!r} is given by forms: its {what} is not known")
+        return getattr(self.equations, what)(self._displacements(u), self._state(state))
 
     def load(self, f: Any, what: str) -> Array:
         """The load (n,) that a user means; of a fluid as it is on the undeformed boundary."""

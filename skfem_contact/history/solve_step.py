@@ -136,7 +136,7 @@ class StepSolver(ByFields):
                 result.recover.at_contact,
                 lambda: result.u,
             )
-            leaning = second_order(found.advance.attempt) if found.settled is None else {}
+            leaning = second_order(found.advance.attempt) if found.last.settled is None else {}
             if leaning:
                 diagnostics = replace(diagnostics, leaning=leaning)
             result.diagnose(diagnostics)
@@ -264,7 +264,8 @@ class StepSolver(ByFields):
 
     def _places(self, found: EquilibriumSearch | NonlinearSearch) -> tuple[str, ...]:
         """Return what is to be said of bodies that may stand elsewhere."""
-        model, rest, grip = found.model, found.settled, found.grip
+        last = found.last
+        model, rest, grip = last.model, last.settled, last.grip
         if rest is not None and rest.free.shape[1]:
             return model.motions.indifferent(rest.free, rest.why)
         if rest is not None:  # found on weak springs, and held by what carries

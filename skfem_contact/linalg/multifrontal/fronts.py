@@ -308,7 +308,7 @@ class Pattern(NamedTuple):
     fronts: Fronts
     which: np.ndarray
     place: np.ndarray
-    spare: list[np.ndarray]
+    spare: list[Any]
 
     @classmethod
     def of(
