@@ -110,6 +110,8 @@ class ProblemSetup(NamesAttributes):
         check_passes(self.contacts, self.names)
         warn_unfelt_wear(self.contacts, self.names)
         self._stiffness, self._own_f = self.system.linearize()
+        own = enumerate(self.system.bodies)
+        self._own_fluid = {i: body.pressures for i, body in own if body.pressures is not None}
         for surface in (s for c in self.contacts for s in (c.secondary, c.primary)):
             # refuses what is no body of this solver
             if isinstance(surface, ContactSurface | RigidBody):
@@ -146,8 +148,8 @@ class ProblemSetup(NamesAttributes):
         return {**vars(self), "linear": carried(self.linear, "linear")}
 
     def _new_reader(self) -> StepReader:
-        mine = self.system, self.contacts, self.names, self.geometry, self._own_f
-        return StepReader(*mine, self._bolt_names)
+        mine = self.system, self.contacts, self.names, self.geometry
+        return StepReader(*mine, self._own_f, self._own_fluid, self._bolt_names)
 
     def _new_step_solver(self) -> StepSolver:
         stepper = Stepper(self.linear_model, self.loop, self.options)
@@ -299,6 +301,8 @@ class Variants(ProblemSetup):
         own_f[self.system.slice(own)] = own.load(f, f"f of body {name!r}") / self.system.scale(own)
         twin = self._copied()
         twin._own_f = sealed(own_f)
+        fluid = {i: own.fluid(f)}
+        twin._own_fluid = {k: p for k, p in (self._own_fluid | fluid).items() if p is not None}
         twin._reader = twin._new_reader()
         twin._answering = twin._new_step_solver()
         return twin

@@ -431,6 +431,7 @@ class SurfaceResponse:
             if start[f] < start[f + 1]
         ]
 
+    @np.errstate(over="ignore", invalid="ignore")  # the triangles that do not count hold anything
     def _read(self, panel: Array) -> NDArray[Any]:
         return panel.astype(self._kind, copy=False)
 

@@ -14,6 +14,7 @@ From the pattern alone it is known how large a factorisation will be.
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -280,10 +281,13 @@ class Pattern(NamedTuple):
     places : iterable of pairs of ndarray of int
         Where entries that factors begin with are in the matrix, and where in the storage of all
         factors; some rows at a time. An iterator serves one matrix, a list many.
+    spare : list of ndarray
+        Storage of factors that nobody has any more: new memory takes the system as long as the factors.
     """
 
     fronts: Fronts
     places: Iterable[tuple[np.ndarray, np.ndarray]]
+    spare: list[Any]
 
     @classmethod
     def of(
@@ -291,11 +295,18 @@ class Pattern(NamedTuple):
     ) -> Pattern:
         """Say that of one matrix; parameters are those of `MultifrontalCholesky`."""
         fronts = analyse(K, points, keep, leaf, free)
-        return cls(fronts, _places(fronts, lower_entries(K, fronts.position, fronts.start, free)))
+        places = _places(fronts, lower_entries(K, fronts.position, fronts.start, free))
+        return cls(fronts, places, [])
 
     def gather(self, K: Any) -> np.ndarray:
         """Storage for all factors, with the entries of `K` in their places."""
-        data = np.zeros(self.fronts.panel[-2])
+        try:
+            memory = self.spare.pop()
+            memory[:] = 0.0
+        except IndexError:
+            memory = np.zeros(self.fronts.panel[-2])
+        data = np.frombuffer(memoryview(memory))  # which all views keep alive, and not the memory alone
+        weakref.finalize(data, self.spare.append, memory)
         for which, place in self.places:
             data[place] = K.data[which]
         return data
