@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.tangent.changes import LOADS, Parameter, contracted, parameter
-from skfem_contact.answers.tangent.rates import Carried, backward, check_lost
+from skfem_contact.answers.tangent.rates import backward
 from skfem_contact.answers.tangent.sensitivity import Sensitivity, sensitivity, weights_of
-from skfem_contact.answers.tangent.tangent import Tangent
+from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import numbers, shown
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
@@ -169,15 +169,13 @@ def gradient(
     value, given = _derivatives(objective(results), results, "the objective")
     loads = any(p.kind in LOADS for p in by)
     found: list[list[Any]] = [[] for _ in by]
-    after: Carried | None = None
+    after: Values = {}
     of = weights_of([tangent.answer for tangent in tangents], given)
     with single_threaded():
         for tangent, weights in zip(reversed(tangents), reversed(of), strict=True):
-            if np.count_nonzero(weights.lost):
-                check_lost(tangent)
             duals, after = backward(tangent, weights, after, loads)
             for p, parts in zip(by, found, strict=True):
-                parts.append(contracted(p, tangent, duals, weights))
+                parts.append(contracted(p, tangent, duals))
     parts = [np.array(own[::-1]) if p.each_step else sum(own) for p, own in zip(by, found, strict=True)]
     return Gradient(float(value), by, parts, results)
 

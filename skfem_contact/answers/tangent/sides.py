@@ -26,9 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from skfem_contact.answers.tangent.changes import Change
-from skfem_contact.answers.tangent.rates import Carried, Rates, Way, forward
-from skfem_contact.answers.tangent.tangent import Tangent
+from skfem_contact.answers.tangent.rates import Rates, Way
+from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.answers.thresholds import MOST_CHANGES
 from skfem_contact.arrays import largest, lengths, unit_vectors
 from skfem_contact.digits import SOLVED
@@ -41,7 +40,7 @@ Mask = NDArray[np.bool_]
 TINY = np.finfo(float).tiny
 
 
-def one_sided(tangent: Tangent, found: Change, before: Carried | None, side: int) -> Rates:
+def one_sided(tangent: Tangent, found: Values, last: Values, side: int) -> Rates:
     """Rates to one side, with the statuses that hold there.
 
     Raises
@@ -51,17 +50,20 @@ def one_sided(tangent: Tangent, found: Change, before: Carried | None, side: int
     NotConverged
         No statuses fit.
     """
-    found = found.minus(Change.none(tangent.answer), side)
+    found = {name: side * own for name, own in found.items()}
     if not len(tangent.kinks):
-        return forward(tangent, found, before)
-    verge = Verge(tangent, found, before or Carried.none(tangent.answer))
-    return forward(verge.held, found, before, verge.way())
+        return Rates(tangent, found, last)
+    verge = Verge(tangent, found, last)
+    way = verge.way()
+    if "bound" in found:
+        found["bound"] = np.where(way.closed[:, None], found["bound"], 0.0)
+    return Rates(verge.held, found, last, way)
 
 
 class Verge:
     """The points of a tangent that are about to change, and the small problem of their rates."""
 
-    def __init__(self, tangent: Tangent, change: Change, last: Carried) -> None:
+    def __init__(self, tangent: Tangent, change: Values, last: Values) -> None:
         at, interface = tangent.kinks, tangent.answer.model.interface
         compliance = tangent.problem.compliance
         has_slip = np.all(compliance.tangential_rows[at] >= 0, axis=1)
@@ -72,10 +74,12 @@ class Verge:
                 "side: bounds of friction that change with the slip have no one-sided derivatives. "
                 "Take Coulomb, OrthotropicCoulomb or Tresca, or move the load a little off the kink."
             )
-        self.at, self.last, self.held = at, last, tangent.holding(at, at[self.rubs])
+        still = np.zeros(tangent.local.slip.shape)
+        self.at, self.held = at, tangent.holding(at, at[self.rubs])
+        self.last_slip = last.get("slip", still)
         force = np.maximum(tangent.local.normal_force, 0.0)
         self.slope = tangent.rule.slope(force, tangent.local.slip)[at]
-        self.bound = change.bound[at]
+        self.bound = change.get("bound", still[:, :1])[at, 0]
         slid = tangent.slid[at] & self.rubs
         way = unit_vectors(tangent.answer.plastic_slip[at])
         self.direction = np.where(slid[:, None], way, tangent.toward[at])
@@ -85,8 +89,8 @@ class Verge:
         self.turns = self.decides & self.touches  # has no direction of friction yet
         # what a point is moved by with what a finite stiffness gives back
         self.give = np.where(self.rubs, 1.0 / interface.stiffness[at], 0.0)[:, None]
-        self.start = last.slip[at] - self.give * last.tangential_force[at]
-        self._factorise(forward(self.held, change, last).response)
+        self.start = self.last_slip[at] - self.give * last.get("friction", still)[at]
+        self._factorise(Rates(self.held, change, last).response)
         self._find()
 
     def _factorise(self, base: Response) -> None:
@@ -96,7 +100,7 @@ class Verge:
         S = np.zeros((k, 1 + t, k, 1 + t))
         moves = np.column_stack([self.touches, *[self.rubs] * t])
         with single_threaded():
-            load, (zone, key) = held.problem.other_load(Change.none(held.answer).case), held.zone
+            load, (zone, key) = held.problem.other_load(held.case({})), held.zone
             for i, c in zip(*np.nonzero(moves), strict=True):
                 unit = np.zeros((len(held.closed), 1 + t))
                 unit[self.at[i], c] = 1.0
@@ -104,7 +108,7 @@ class Verge:
                 response = zone.solve(replace(still, anchor=unit[:, 1:]), load, key)
                 S[:, :, i, c] = self._forces(response)
         self.S = S.reshape(k * (1 + t), -1)
-        held_by = np.column_stack([np.zeros(k), self.last.slip[self.at] * self.rubs[:, None]])
+        held_by = np.column_stack([np.zeros(k), self.last_slip[self.at] * self.rubs[:, None]])
         self.p0 = self._forces(base).ravel() - self.S @ held_by.ravel()
         self.v, self.p = held_by, self._forces(base)
         forces = np.abs(np.column_stack([base.normal_force, base.tangential_force]))
@@ -213,8 +217,8 @@ class Verge:
 
     def way(self) -> Way:
         """What the points do, as `forward` takes it."""
-        still = self.last.slip
-        gap, slip, closed = np.zeros(len(still)), still.copy(), self.held.closed.copy()
+        slip, closed = self.last_slip.copy(), self.held.closed.copy()
+        gap = np.zeros(len(slip))
         gap[self.at], closed[self.at] = self.v[:, 0], ~self.open
         slip[self.at[self.rubs]] = self.v[self.rubs, 1:]
         return Way(gap, slip, closed)

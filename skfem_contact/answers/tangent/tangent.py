@@ -45,13 +45,15 @@ from skfem_contact.digits import SOLVED
 from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.problem.response import Conditions, Source
+from skfem_contact.problem.response import Conditions, Load, Response, Source
 from skfem_contact.problem.zone import Zone, Zones
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Index = NDArray[np.intp]
+#: Derivatives by name, of loads or points: (n,) or (m, width). What is not there is zero.
+Values = dict[str, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +97,21 @@ class Tightness(NamedTuple):
     k: Array
     given: Mask
     kept: Mask
+
+
+class Responded(NamedTuple):
+    """What points do under a change, and what all displacements follow from."""
+
+    tangent: Tangent
+    case: LoadCase
+    load: Load
+    response: Response
+
+    @property
+    def u(self) -> Array:
+        """Changes of the displacements of all bodies, (n,)."""
+        source = self.tangent.problem.source(self.load, self.response)
+        return self.tangent.recovered(source.values, self.case)
 
 
 class Tangent:
@@ -230,17 +247,6 @@ class Tangent:
         """The dense problem of points that may carry a force, and the key of the conditions."""
         return self.zones.fitting(self.conditions, self.local.gap)
 
-    def friction(self, by_map: Array, by_trial: Array, by_slip: Array) -> Array:
-        """Changes of friction by those of the return map, and of the friction and slip before."""
-        slopes = self.slopes.by_map, self.slopes.by_trial, self.slopes.by_slip
-        both = zip(slopes, (by_map, by_trial, by_slip), strict=True)
-        return np.asarray(sum(np.einsum("ikl,il->ik", slope, own) for slope, own in both))
-
-    def friction_by(self, given: Array) -> list[Array]:
-        """`friction` transposed."""
-        slopes = self.slopes.by_map, self.slopes.by_trial, self.slopes.by_slip
-        return [np.einsum("ikl,ik->il", slope, given) for slope in slopes]
-
     # -- how far it holds -----------------------------------------------------------------------
 
     @cached_property
@@ -330,20 +336,29 @@ class Tangent:
 
     def solve(self, force: ArrayLike) -> Array:
         """Changes of displacements (n,) under those of loads (n,), ``T (W'KT)^-1 W'``, by factors."""
-        f, system, still = (
-            numbers(force, "force", "give a load (n,)"),
-            self.answer.system,
-            self.conditions,
-        )
+        system = self.answer.system
+        f = numbers(force, "force", "give a load (n,)")
         if f.shape != (system.n,):
             raise InputError(f"force has shape {f.shape}; give a load on all DOFs, ({system.n},)")
-        none, f = np.zeros(len(self.status)), f / system.units
+        f = f / system.units
         f[system.D] = 0.0
-        case = LoadCase(f, np.zeros(system.n), none, still.anchor, none, ())
+        return self.respond({"f": f}).u / system.units
+
+    def case(self, given: Values) -> LoadCase:
+        """What bodies and points see of changes of loads f, x, and of gap0 and slip0."""
+        n, (m, t) = self.answer.system.n, self.local.slip.shape
+        f, x = (given[name] if name in given else np.zeros(n) for name in "fx")
+        gap0 = given["gap0"].ravel() if "gap0" in given else np.zeros(m)
+        return LoadCase(f, x, gap0, given.get("slip0", np.zeros((m, t))), np.zeros(m), ())
+
+    def respond(self, given: Values) -> Responded:
+        """What the points do under such changes, and those of the conditions: offset and anchor."""
+        held, case = self.conditions, self.case(given)
+        anchor, offset = (given.get(name, held.anchor) for name in ("anchor", "offset"))
+        held = replace(held, anchor=anchor, offset=offset)
         with single_threaded():
             load, (zone, key) = self.problem.other_load(case), self.zone
-            source = self.problem.source(load, zone.solve(still, load, key))
-        return self.recovered(source.values, case) / system.units
+            return Responded(self, case, load, zone.solve(held, load, key))
 
     def recovered(self, force: Array, case: LoadCase) -> Array:
         """Displacements (n,) under a load case and forces on the contact DOFs (n_c,)."""
