@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.answers.tangent.changes import LOADS, Parameter, contracted, parameter
+from skfem_contact.answers.tangent.changes import LOADS, Parameter, contracted
 from skfem_contact.answers.tangent.rates import backward
 from skfem_contact.answers.tangent.sensitivity import Sensitivity, sensitivity, weights_of
 from skfem_contact.answers.tangent.tangent import Tangent, Values
@@ -131,19 +131,6 @@ def tangents_of(results: list[ContactResult], by: Sequence[Parameter]) -> list[T
     if any(p.kind in ("stiffness", "scene") for p in by):
         recover_all(answers)
     return tangents
-
-
-def parameters(by: Any, many: bool) -> tuple[Parameter, ...]:
-    """The parameters that a user names."""
-    given = [by] if isinstance(by, str | Parameter) else list(by)
-    found = tuple(parameter(p) for p in given)
-    if not found:
-        raise InputError("by is empty: name what to differentiate by, by=['friction']")
-    if not many and any(p.field or p.each_step for p in found):
-        raise InputError(
-            "jacobian: each parameter is one number; field=True and each_step=True are for gradient"
-        )
-    return found
 
 
 def _derivatives(given: Any, results: Sequence[ContactResult], what: str) -> tuple[Any, list[Any]]:

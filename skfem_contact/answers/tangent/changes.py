@@ -113,9 +113,18 @@ class Parameter:
         return f"Parameter({', '.join(said)})"
 
 
-def parameter(given: Any) -> Parameter:
-    """Return what `by` names: a `Parameter`, or its kind alone."""
-    return given if isinstance(given, Parameter) else Parameter(given)
+def parameters(by: Any, many: bool) -> tuple[Parameter, ...]:
+    """What `by` names, by parameters or their kinds alone; one number each, if not `many`."""
+    given = [by] if isinstance(by, str | Parameter) else list(by)
+    found = tuple(p if isinstance(p, Parameter) else Parameter(p) for p in given)
+    if not found:
+        raise InputError("by is empty: name what to differentiate by, by=['friction']")
+    for p in found:
+        if not many and (p.field or p.each_step):
+            raise InputError(
+                f"{p!r} is many numbers, which are for gradient; give a direction, along=..., here"
+            )
+    return found
 
 
 def change(by: Parameter, tangent: Tangent) -> Values:
@@ -280,9 +289,9 @@ def _drawn(by: Parameter, tangent: Tangent) -> Values:
     named = np.array([by.of is None or by.of == name or by.of is bolt for name, bolt in known])
     if not named.any():
         raise InputError(f"{by!r}: there is no such bolt; there are {', '.join(answer.bolt_names)}.")
-    given = bolts.given if by.kind == "bolt_force" else ~bolts.given & ~bolts.kept
+    given = tangent.tightened if by.kind == "bolt_force" else ~tangent.tightened & ~tangent.locked
     along = np.where(named & given, 1.0 if by.along is None else by.along, 0.0)
-    return {"drive": along / np.where(bolts.given, bolts.k, 1.0)}
+    return {"drive": along / np.where(tangent.tightened, bolts.k, 1.0)}
 
 
 def _stiffer(by: Parameter, tangent: Tangent) -> Values:
@@ -302,8 +311,8 @@ def _stiffer(by: Parameter, tangent: Tangent) -> Values:
             continue
         borne[at] = answer.stiffness[i] @ u
         if bolts:  # the stiffness of a step that gives their forces lets them slide
-            P = bolts.P[:, at]
-            borne[at] += P.T @ np.where(bolts.given, P @ u / bolts.k, 0.0)
+            P = bolts.pulls[:, at]
+            borne[at] += P.T @ np.where(tangent.tightened, P @ u / bolts.k, 0.0)
         borne[at] *= 1.0 if by.along is None else float(by.along)
     return {"f": -borne} | _pulled(tangent, borne)
 
@@ -313,7 +322,7 @@ def _pulled(tangent: Tangent, borne: Array) -> Values:
     if (bolts := tangent.bolts) is None:
         return {}
     tension = np.asarray(bolts.slides @ borne)
-    return {"drive": np.where(bolts.given, -tension / bolts.k, 0.0), "tension": tension}
+    return {"drive": np.where(tangent.tightened, -tension / bolts.k, 0.0), "tension": tension}
 
 
 #: What is one number, and has no field.

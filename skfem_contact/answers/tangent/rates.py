@@ -60,6 +60,8 @@ def _before(tangent: Tangent) -> Maps:
     if not tangent.rule.steady:
         by_slip = slopes.by_slip
         maps += [("offset", "last slip", by_slip), ("offset", "last reference", -by_slip)]
+    if tangent.bolts:
+        maps.append(("drive", "last stretch", 1.0 * tangent.locked))
     return maps
 
 
@@ -81,6 +83,13 @@ def _after(tangent: Tangent, closed: NDArray[np.bool_], lost: bool) -> Maps:
         maps += [("lost", "bound", half), ("lost", "last bound", half)]
         maps += [("lost", "slip", along), ("lost", "last slip", -along)]
         maps += [("lost", "friction", -given_back), ("lost", "last friction", given_back)]
+    if tangent.bolts:  # those with a force that is given slide
+        k, one = tangent.bolts.k, np.ones(1)
+        maps += [
+            ("stretch", "drive", one),
+            ("stretch", "pull", np.where(tangent.tightened, -1 / k, 0.0)),
+        ]
+        maps += [("tension", "stretch", k), ("tension", "pull", one)]
     return maps
 
 
@@ -124,27 +133,22 @@ class Rates:
         self, tangent: Tangent, change: Values, last: Values | None = None, way: Way | None = None
     ) -> None:
         bolts, self.tangent = tangent.bolts, tangent
-        values = change | {"last " + name: own for name, own in (last or {}).items()}
-        if bolts:
-            none = np.zeros(len(bolts.k))
-            kept = np.where(bolts.kept, values.get("last stretch", none), 0.0)
-            values["drive"] = drive = values.get("drive", none) + kept
-            values["f"] = values.get("f", np.zeros(tangent.answer.system.n)) - bolts.P.T @ drive
+        self.values = values = change | {"last " + name: own for name, own in (last or {}).items()}
         _along(_before(tangent), values)
+        if bolts and "drive" in values:
+            values["f"] = values.get("f", 0.0) - bolts.pulls.T @ values["drive"]
         if way:
             values["anchor"] = way.slip
             values["gap0"] = values.get("gap0", 0.0) - way.gap[:, None]
         self._found = tangent.respond(values)
-        found = self.response = self._found.response
+        found = self.response = self._found[-1]
         if way:
             found.gap = found.gap + way.gap
         values |= {"gap": found.gap[:, None], "normal_force": found.normal_force[:, None]}
         values |= {"slip": found.slip, "friction": found.tangential_force}
-        _along(_after(tangent, way.closed if way else tangent.closed, True), values)
-        self.values = values
         if bolts:
-            slides = np.where(bolts.given, bolts.P @ self.u / bolts.k, 0.0) if any(bolts.given) else 0.0
-            values["stretch"] = drive - slides
+            values["pull"] = bolts.pulls @ self.u
+        _along(_after(tangent, way.closed if way else tangent.closed, True), values)
 
     @property
     def handed_on(self) -> Values:
@@ -154,23 +158,12 @@ class Rates:
     @cached_property
     def u(self) -> Array:
         """Of the displacements of all bodies, (n,)."""
-        return self._found.u
-
-    @property
-    def tension(self) -> Array:
-        """Of the forces in bolts, (b,)."""
-        if (bolts := self.tangent.bolts) is None:
-            return np.zeros(0)
-        pull: Array = bolts.P @ self.u + bolts.k * self.values["stretch"]
-        return pull + self.values.get("tension", 0.0)
+        return self.tangent.displacements(*self._found)
 
     def dot(self, weights: Values) -> float:
         """The derivative of a number that depends on the answer by these weights."""
-        found = 0.0
-        for name, own in weights.items():
-            later = name in ("u", "tension")
-            found += float(np.sum(own * (getattr(self, name) if later else self.values.get(name, 0.0))))
-        return found
+        own = (self.u if name == "u" else self.values.get(name, 0.0) for name in weights)
+        return sum(float(np.sum(w * by)) for w, by in zip(weights.values(), own, strict=True))
 
 
 def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> tuple[Values, Values]:
@@ -188,20 +181,13 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
     """
     answer, problem, bolts = tangent.answer, tangent.problem, tangent.bolts
     (m, t), duals = answer.local.slip.shape, added(weights, after)
-    if bolts:
-        none = np.zeros(len(bolts.k))
-        tension = duals.get("tension", none)
-        stretch = duals.get("stretch", none) + bolts.k * tension
-        pull = tension - np.where(bolts.given, stretch / bolts.k, 0.0)
-        duals["u"] = bolts.P.T @ pull + duals.get("u", 0.0)
     if "lost" in duals:
         check_lost(tangent)
     _back(_after(tangent, tangent.closed, "lost" in duals), duals)
-    forces, u, load = np.zeros(len(problem.compliance.W)), duals.get("u"), Values()
-    if u is not None:
-        load["f"] = u.copy()
-        load["f"][answer.system.D] = 0.0
-    case = tangent.case(load)
+    if bolts and "pull" in duals:
+        duals["u"] = duals.get("u", 0.0) + bolts.pulls.T @ duals["pull"]
+    forces, pulled, u = np.zeros(len(problem.compliance.W)), None, duals.get("u")
+    case = tangent.case({} if u is None else {"f": u})
     if u is not None:
         pulled = problem.other_load(case)
         forces = np.asarray(pulled.moved)
@@ -211,16 +197,14 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
     found = zone.adjoint(tangent.conditions, Response(gap, slip, normal_force, friction, forces), key)
     duals |= {"gap0": found.gap0[:, None], "slip0": found.slip0}
     duals |= {"anchor": found.anchor, "offset": found.offset}
-    _back(_before(tangent), duals)
     if loads or bolts:
-        force = problem.G.T @ found.moved + (0.0 if u is None else pulled.prescribed)
+        force = problem.G.T @ found.moved + (0.0 if pulled is None else pulled.prescribed)
         duals["f"] = tangent.recovered(force, case)
         duals["x"] = _by_supports(tangent, duals["f"], found, u)
-    before = {name[5:]: own for name, own in duals.items() if name.startswith("last ")}
     if bolts:
-        duals["drive"] = stretch - bolts.P @ duals["f"]
-        before["stretch"] = np.where(bolts.kept, duals["drive"], 0.0)
-    return duals, before
+        duals["drive"] = duals.get("drive", 0.0) - bolts.pulls @ duals["f"]
+    _back(_before(tangent), duals)
+    return duals, {name[5:]: own for name, own in duals.items() if name.startswith("last ")}
 
 
 def added(one: Mapping[str, Array], other: Mapping[str, Array]) -> Values:

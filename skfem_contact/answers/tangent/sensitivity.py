@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.tangent.changes import Parameter, change, parameter
+from skfem_contact.answers.tangent.changes import Parameter, change, parameters
 from skfem_contact.answers.tangent.rates import Rates, check_lost
 from skfem_contact.answers.tangent.sides import one_sided
 from skfem_contact.answers.tangent.tangent import Tangent, Values
@@ -86,7 +86,7 @@ class Sensitivity:
         rates, names = self._rates, self._answer.bolt_names
         if not names:
             return {}
-        known = self._sign * np.column_stack([rates.tension, rates.values["stretch"]])
+        known = self._sign * np.column_stack([rates.values["tension"], rates.values["stretch"]])
         return {name: BoltRates(*own) for name, own in zip(names, known.tolist(), strict=True)}
 
     def displacement(self, body: Any) -> Array:
@@ -127,11 +127,7 @@ class Sensitivity:
 
 def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int) -> Sensitivity:
     """Derivatives of an answer; see `ContactResult.sensitivity`."""
-    by = parameter(by)
-    if by.field or by.each_step:
-        raise InputError(
-            f"sensitivity: {by!r} is many numbers; give a direction, along=..., or take solver.gradient"
-        )
+    [by] = parameters(by, many=False)
     if side not in (-1, 0, 1):
         raise InputError(f"side = {shown(side)}; it may be 1, -1, or 0 for the statuses that hold")
     if after is not None and (repr(after.by), after.side) != (repr(by), side):

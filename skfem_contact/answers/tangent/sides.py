@@ -89,7 +89,8 @@ class Verge:
         self.turns = self.decides & self.touches  # has no direction of friction yet
         # what a point is moved by with what a finite stiffness gives back
         self.give = np.where(self.rubs, 1.0 / interface.stiffness[at], 0.0)[:, None]
-        self.start = self.last_slip[at] - self.give * last.get("friction", still)[at]
+        before = self.last_slip[at] - self.give * last.get("friction", still)[at]
+        self.start = np.where(self.rubs[:, None], before, 0.0)
         self._factorise(Rates(self.held, change, last).response)
         self._find()
 
@@ -108,6 +109,8 @@ class Verge:
                 response = zone.solve(replace(still, anchor=unit[:, 1:]), load, key)
                 S[:, :, i, c] = self._forces(response)
         self.S = S.reshape(k * (1 + t), -1)
+        # friction resists
+        self.stiffness = -np.diag(self.S).reshape(k, 1 + t)[:, 1] if t else np.zeros(k)
         held_by = np.column_stack([np.zeros(k), self.last_slip[self.at] * self.rubs[:, None]])
         self.p0 = self._forces(base).ravel() - self.S @ held_by.ravel()
         self.v, self.p = held_by, self._forces(base)
@@ -138,40 +141,35 @@ class Verge:
         raise NotConverged("no statuses of the points with a kink fit the change to this side", None)
 
     def _solve(self) -> None:
-        """What the points do, and their forces, with the states that they have."""
-        (k, d), unit = self.v.shape, np.eye(self.v.shape[1] - 1)
+        """What the points do, and their forces, with the states that they have.
+
+        Along some directions a point is held, ``H (s - s_last) = 0``, along the others its friction is
+        given. In any direction it is ``L x / |x|`` with x the trial force, linearised.
+        """
+        (k, d), unit, way = self.v.shape, np.eye(self.v.shape[1] - 1), self.direction
+        slips = self.slips & ~self.open
+        decided, turns = slips & self.decides, slips & self.turns
+        free = self.rubs & (self.open | ~self.decides)
+        across = decided[:, None, None] * way[:, :, None] * way[:, None]
+        held = np.where(free[:, None, None], 0.0, unit - across)
+        bound = self.slope * np.maximum(self.p[:, 0], 0.0)
+        size = np.maximum(np.maximum(lengths(self.trial), bound), TINY)
+        turn = np.where(turns, bound / size, 1.0)[:, None, None]
+        spring = np.where(turns, -turn[:, 0, 0] * self.stiffness, 1.0)[:, None, None] * held
         E, F, r = np.zeros((k, d, d)), np.zeros((k, d, d)), np.zeros((k, d))
         F[:, 0, 0], E[:, 0, 0] = self.open, ~self.open
-        for i in range(k):
-            way, give = self.direction[i], self.give[i]
-            by_way, by_force, given = unit, -give * unit, self.start[i]
-            if not self.rubs[i]:
-                by_force, given = 0.0 * unit, 0.0 * given
-            elif self.open[i] or not self.decides[i]:
-                by_way, by_force, given = 0.0 * unit, unit, 0.0 * given
-            elif self.slips[i]:
-                across, along = unit - np.outer(way, way), np.outer(way, way)
-                if self.turns[i]:  # slope lambda x / |x| with x = tau + c (s - s_last), linearised
-                    c, x = self._trial(i)
-                    bound = self.slope[i] * max(self.p[i, 0], 0.0)
-                    turn = bound / max(np.linalg.norm(x), bound, TINY)
-                    by_way, given = -turn * c * across, -turn * c * across @ given
-                    by_force = unit - turn * (1 - c * give) * across
-                else:
-                    by_way, given = across, across @ given + way * self.bound[i]
-                    by_force = along - give * across
-            if self.slips[i] and not self.open[i]:
-                F[i, 1:, 0] = -self.slope[i] * way
-            E[i, 1:, 1:], F[i, 1:, 1:], r[i, 1:] = by_way, by_force, given
+        E[:, 1:, 1:], F[:, 1:, 1:] = spring, unit - turn * held - self.give[:, None] * spring
+        F[:, 1:, 0] = -(self.slope * slips)[:, None] * way
+        r[:, 1:] = np.einsum("ikl,il->ik", spring, self.start)
+        r[:, 1:] += (self.bound * (decided & ~turns))[:, None] * way
         E, F = block_diag(*E), block_diag(*F)
         self.v = np.linalg.solve(E + F @ self.S, r.ravel() - F @ self.p0).reshape(k, d)
         self.p = (self.p0 + self.S @ self.v.ravel()).reshape(k, d)
 
-    def _trial(self, i: int) -> tuple[float, Array]:
-        """A stiffness of a point, and the trial force that it makes of its slip."""
-        own = i * self.v.shape[1] + 1
-        c = -self.S[own, own]  # friction resists
-        return c, self.p[i, 1:] + c * self.moved[i]
+    @property
+    def trial(self) -> Array:
+        """Trial forces that a stiffness of each point makes of its slip, (k, d-1)."""
+        return np.asarray(self.p[:, 1:] + self.stiffness[:, None] * self.moved)
 
     @property
     def moved(self) -> Array:
@@ -194,26 +192,21 @@ class Verge:
 
     def _turn(self) -> bool:
         """Let friction be along the trial force where points slip; return whether any turned."""
-        turned = False
-        for i in np.flatnonzero(self.turns & self.slips & ~self.open).tolist():
-            x = self._trial(i)[1]
-            way = x / max(np.linalg.norm(x), TINY)
-            turned |= bool(np.linalg.norm(way - self.direction[i]) > SOLVED)
-            self.direction[i] = way
-        return turned
+        on = self.turns & self.slips & ~self.open
+        way = np.where(on[:, None], unit_vectors(self.trial), self.direction)
+        turned = np.any(lengths(way - self.direction) > SOLVED)
+        self.direction = way
+        return bool(turned)
 
     def _change(self, some: NDArray[np.intp]) -> None:
         """Other states of some points, by their rates; what closes slips on, as it would by itself."""
-        normal, moved = self._parts_or_meets(), self.moved
-        for i in some:
-            if normal[i]:
-                self.open[i] = not self.open[i]
-                self.slips[i] = self.rubs[i] and not self.open[i]
-            else:
-                self.slips[i] = not self.slips[i]
-            if self.turns[i]:
-                way = moved[i] if normal[i] else self.p[i, 1:]
-                self.direction[i] = way / max(np.linalg.norm(way), TINY) * self.slips[i]
+        on = np.isin(np.arange(len(self.at)), some)
+        normal = self._parts_or_meets() & on
+        self.open = self.open ^ normal
+        self.slips = np.where(normal, self.rubs & ~self.open, self.slips ^ on)
+        way = unit_vectors(np.where(normal[:, None], self.moved, self.p[:, 1:]))
+        turns = (on & self.turns)[:, None]
+        self.direction = np.where(turns, way * self.slips[:, None], self.direction)
 
     def way(self) -> Way:
         """What the points do, as `forward` takes it."""
