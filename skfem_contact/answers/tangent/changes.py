@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_matrix
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.tangent.tangent import Tangent, Values
@@ -232,8 +233,12 @@ def _between(by: Parameter, tangent: Tangent) -> Values:
             f"{by!r}: the two scenes and the solver differ in their DOFs, points, or in which points "
             "have a partner; nodes may move, and must stay the same. Take a smaller width."
         )
-    if answer.kin.scaled is not None:
-        raise InputError(f"{by!r}: not with OrthotropicCoulomb, whose directions turn with the surface")
+    axes = [s.kin.axes.round(12).tobytes() for s in (*ends, answer)]
+    if answer.kin.scaled is not None and len(set(axes)) != 1:
+        raise InputError(
+            f"{by!r}: axes of OrthotropicCoulomb differ between the scenes. Leave the surface where it "
+            "is, and change both coefficients by one factor."
+        )
     less, more = (_in_scene(solver, tangent) for solver in ends)
     return {name: (more[name] - less[name]) / width for name in less}
 
@@ -241,9 +246,9 @@ def _between(by: Parameter, tangent: Tangent) -> Values:
 def _in_scene(solver: Any, tangent: Tangent) -> Values:
     """What a scene makes of the displacements and forces of an answer, with loads and geometry."""
     answer, local, u = tangent.answer, tangent.local, tangent.answer.u
-    kin, case, bodies = solver.kin, _case_there(solver, answer), answer.system.bodies
-    stiffness = zip(solver.linear_model.stiffness, bodies, strict=True)
-    borne = np.concatenate([K @ answer.stretched(body) for K, body in stiffness])
+    kin, case = solver.kin, _case_there(solver, answer)
+    bodies = zip(answer.system.bodies, solver.system.bodies, solver.linear_model.stiffness, strict=True)
+    borne = np.concatenate([_borne(there, K, answer.stretched(body)) for body, there, K in bodies])
     f = case.f - borne + kin.B_n.T @ local.normal_force
     gap0 = np.where(kin.paired, case.gap0, 0.0) + np.where(kin.paired, kin.B_n @ u, 0.0)
     out = {"f": f, "x": case.x, "gap0": gap0[:, None], "area": kin.area[:, None], "normal": kin.normal}
@@ -251,6 +256,8 @@ def _in_scene(solver: Any, tangent: Tangent) -> Values:
         # tangents in space are a choice, which jumps: those of the answer are turned to these normals
         turned = transport(answer.kin.axes.swapaxes(0, 1), answer.kin.normal, kin.normal)
         own = np.einsum("kid,ild->ikl", turned, kin.axes)
+        if kin.scaled is not None:  # and stay, see above
+            own = np.broadcast_to(np.eye(kin.tangents), own.shape)
         out["slip0"] = np.einsum(
             "ikl,il->ik", own, case.slip0 + (kin.B_t @ u).reshape(local.slip.shape)
         )
@@ -309,12 +316,17 @@ def _stiffer(by: Parameter, tangent: Tangent) -> Values:
                 )
             borne[at] = answer.system.scaled(body, K) @ u
             continue
-        borne[at] = answer.stiffness[i] @ u
+        borne[at] = _borne(body, answer.stiffness[i], u)
         if bolts:  # the stiffness of a step that gives their forces lets them slide
             P = bolts.pulls[:, at]
             borne[at] += P.T @ np.where(tangent.tightened, P @ u / bolts.k, 0.0)
         borne[at] *= 1.0 if by.along is None else float(by.along)
     return {"f": -borne} | _pulled(tangent, borne)
+
+
+def _borne(body: Member, K: csr_matrix, u: Array) -> Array:
+    """Internal forces of a body, (n_body,)."""
+    return np.asarray(body.linearize(u)[1] if body.nonlinear else K @ u)
 
 
 def _pulled(tangent: Tangent, borne: Array) -> Values:
