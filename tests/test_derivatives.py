@@ -157,7 +157,7 @@ def test_bodies_that_stretch_have_derivatives():
         low = sc.NonlinearBody(bases[0], rubber, D="bottom", name="low")
         up = sc.Body(bases[1], linear_elasticity(10.0, 7.0), D="top", name="up")
         joint = sc.Contact(
-            up.surface("bottom"), low.surface("top"), friction=sc.Coulomb(0.1), name="joint"
+            up.surface("bottom"), low.surface("top"), friction=sc.Coulomb(0.15), name="joint"
         )
         return sc.ContactSolver([low, up], joint, options=sc.Options(tolerance=1e-14))
 
