@@ -114,12 +114,13 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
     count = len(trial.independent)
     if n > count:
         raise InputError(f"n = {n} modes of {count} DOFs that are free to move")
-    K_r, M_r = test.T.T @ K @ trial.T, test.T.T @ M @ trial.T
-    inertia, resisted = trial.T.T @ M @ trial.T, trial.T.T @ K @ trial.T
-    heavy = inertia.diagonal().sum()
+    K_r, M_r = trial.T.T @ K @ trial.T, trial.T.T @ M @ trial.T
+    heavy = M_r.diagonal().sum()
     if not heavy > 0:
         raise InputError(MASSLESS)
-    shift = float(resisted.diagonal().sum() / heavy) / count
+    shift = float(K_r.diagonal().sum() / heavy) / count
+    if test is not trial:
+        K_r, M_r = test.T.T @ K @ trial.T, test.T.T @ M @ trial.T
     try:
         with single_threaded():
             if n > count - 2:  # beyond what ARPACK finds
