@@ -28,7 +28,6 @@ from skfem_contact.problem.points import Duals
 from skfem_contact.problem.response import Response
 
 Array = NDArray[np.float64]
-ONE = np.ones((1, 1))
 HANDED_ON = "slip", "friction", "reference", "bound", "stretch"
 #: Of one name to be added to, and the name of what a block at each point is multiplied with.
 Maps = list[tuple[str, str, NDArray[Any]]]
@@ -53,7 +52,7 @@ def _before(tangent: Tangent) -> Maps:
     """What conditions of a linear solve follow from: friction of the law, and what came before."""
     slopes = tangent.slopes
     maps: Maps = [
-        ("anchor", "last slip", ONE),
+        ("anchor", "last slip", np.ones((1, 1))),
         ("offset", "mapped", slopes.by_map),
         ("offset", "last friction", slopes.by_trial),
     ]
@@ -67,12 +66,12 @@ def _before(tangent: Tangent) -> Maps:
 
 def _after(tangent: Tangent, closed: NDArray[np.bool_], lost: bool) -> Maps:
     """What follows from gaps, slips and forces; the energy lost has the mean of two bounds."""
-    shut = 1.0 * closed[:, None]
+    one, shut = np.ones((1, 1)), 1.0 * closed[:, None]
     maps: Maps = [
         ("reference", "slip", 1.0 - shut),
         ("reference", "last reference", shut),
-        ("slipped", "slip", ONE),
-        ("slipped", "reference", -ONE),
+        ("slipped", "slip", one),
+        ("slipped", "reference", -one),
         ("bound", "normal_force", tangent.bound_slope[:, None]),
     ]
     if lost:
