@@ -14,7 +14,6 @@ makes; so ``g . u`` depends on p by those.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -83,31 +82,24 @@ def _after(tangent: Tangent, closed: NDArray[np.bool_], lost: bool) -> Maps:
         maps += [("lost", "slip", along), ("lost", "last slip", -along)]
         maps += [("lost", "friction", -given_back), ("lost", "last friction", given_back)]
     if tangent.bolts:  # those with a force that is given slide
-        k, one = tangent.bolts.k, np.ones(1)
+        k, each = tangent.bolts.k, np.ones(1)
         maps += [
-            ("stretch", "drive", one),
+            ("stretch", "drive", each),
             ("stretch", "pull", np.where(tangent.tightened, -1 / k, 0.0)),
         ]
-        maps += [("tension", "stretch", k), ("tension", "pull", one)]
+        maps += [("tension", "stretch", k), ("tension", "pull", each)]
     return maps
 
 
-def _along(maps: Maps, values: Values) -> None:
-    """Take maps one after the other."""
-    for out, of, block in maps:
-        if of in values:
+def _take(maps: Maps, values: Values, back: bool = False) -> None:
+    """Take maps one after the other; or, `back`, their transposes from the last to the first."""
+    for out, of, block in reversed(maps) if back else maps:
+        to, by = (of, out) if back else (out, of)
+        if by in values:
+            product = "ikl,ik->il" if back else "ikl,il->ik"
             full = block.ndim == 3
-            own = np.einsum("ikl,il->ik", block, values[of]) if full else block * values[of]
-            values[out] = values[out] + own if out in values else own
-
-
-def _back(maps: Maps, duals: Values) -> None:
-    """Take their transposes from the last to the first."""
-    for out, of, block in reversed(maps):
-        if out in duals:
-            full = block.ndim == 3
-            own = np.einsum("ikl,ik->il", block, duals[out]) if full else block * duals[out]
-            duals[of] = duals[of] + own if of in duals else own
+            own = np.einsum(product, block, values[by]) if full else block * values[by]
+            values[to] = values[to] + own if to in values else own
 
 
 class Rates:
@@ -133,7 +125,7 @@ class Rates:
     ) -> None:
         bolts, self.tangent = tangent.bolts, tangent
         self.values = values = change | {"last " + name: own for name, own in (last or {}).items()}
-        _along(_before(tangent), values)
+        _take(_before(tangent), values)
         if bolts and "drive" in values:
             values["f"] = values.get("f", 0.0) - bolts.pulls.T @ values["drive"]
         if way:
@@ -147,7 +139,7 @@ class Rates:
         values |= {"slip": found.slip, "friction": found.tangential_force}
         if bolts:
             values["pull"] = bolts.pulls @ self.u
-        _along(_after(tangent, way.closed if way else tangent.closed, True), values)
+        _take(_after(tangent, way.closed if way else tangent.closed, True), values)
 
     @property
     def handed_on(self) -> Values:
@@ -179,10 +171,12 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
         Whether derivatives by loads and displacements are wanted, for which the interior is recovered.
     """
     answer, problem, bolts = tangent.answer, tangent.problem, tangent.bolts
-    (m, t), duals = answer.local.slip.shape, added(weights, after)
+    (m, t), duals = answer.local.slip.shape, dict(weights)
+    for name, own in after.items():
+        duals[name] = duals[name] + own if name in duals else own
     if "lost" in duals:
         check_lost(tangent)
-    _back(_after(tangent, tangent.closed, "lost" in duals), duals)
+    _take(_after(tangent, tangent.closed, "lost" in duals), duals, back=True)
     if bolts and "pull" in duals:
         duals["u"] = duals.get("u", 0.0) + bolts.pulls.T @ duals["pull"]
     forces, pulled, u = np.zeros(len(problem.compliance.W)), None, duals.get("u")
@@ -202,13 +196,8 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
         duals["x"] = _by_supports(tangent, duals["f"], found, u)
     if bolts:
         duals["drive"] = duals.get("drive", 0.0) - bolts.pulls @ duals["f"]
-    _back(_before(tangent), duals)
+    _take(_before(tangent), duals, back=True)
     return duals, {name[5:]: own for name, own in duals.items() if name.startswith("last ")}
-
-
-def added(one: Mapping[str, Array], other: Mapping[str, Array]) -> Values:
-    """The sum of values by name."""
-    return {**one, **{name: one[name] + own if name in one else own for name, own in other.items()}}
 
 
 def _by_supports(tangent: Tangent, f: Array, found: Duals, u: Array | None) -> Array:

@@ -209,7 +209,7 @@ def weights_of(answers: Sequence[Answer], given: Sequence[Any]) -> list[Values]:
     asked: dict[tuple[int, int, str], list[tuple[Answer, Values, Any]]] = {}
     for answer, out, own in zip(answers, found, given, strict=True):
         for contact, what, value in _named(answer, {} if own is None else own):
-            if what in ELSEWHERE:
+            if what == "dissipation" or (what in ELSEWHERE and contact is None):
                 ELSEWHERE[what](answer, out, contact, value)
             else:
                 key = id(answer.kin), _which(answer, contact, what), what
@@ -227,11 +227,9 @@ def _named(answer: Answer, given: Any) -> Iterator[tuple[str | None, str, Any]]:
     for key, value in given.items():
         if key not in known or (key in answer.names and not isinstance(value, Mapping)):
             raise InputError(f"derivatives by a result name {key!r}; they may name {', '.join(known)}")
-        of_contact = key in answer.names
-        for what, own in value.items() if of_contact else [(key, value)]:
-            if of_contact and what != "dissipation":
-                _which(answer, key, what)
-            yield key if of_contact else None, what, own
+        contact = key if key in answer.names else None
+        for what, own in value.items() if contact else [(key, value)]:
+            yield contact, what, own
 
 
 def _by_energy(answer: Answer, out: Values, contact: str | None, value: Any) -> None:

@@ -79,7 +79,7 @@ class Verge:
         self.last_slip = last.get("slip", still)
         force = np.maximum(tangent.local.normal_force, 0.0)
         self.slope = tangent.rule.slope(force, tangent.local.slip)[at]
-        self.bound = change.get("bound", still[:, :1])[at, 0]
+        self.bound = change["bound"][at, 0] if "bound" in change else np.zeros(len(at))
         slid = tangent.slid[at] & self.rubs
         way = unit_vectors(tangent.answer.plastic_slip[at])
         self.direction = np.where(slid[:, None], way, tangent.toward[at])
