@@ -269,6 +269,35 @@ def test_loads_and_tools_by_differences():
             assert_allclose(getattr(own, name), wanted, rtol=CLOSE, atol=1e-7 * np.abs(wanted).max())
 
 
+def test_forces_and_moments_of_a_rigid_body():
+    """Turns are in units of their own; and what is not loaded in a step does not depend on loads."""
+    low = sc.Body(State(4, 2).bases[1], linear_elasticity(1.0, 0.7), D="top", name="low")
+    down = sc.RigidPlane((0, 0), (0, 1))
+    die = sc.RigidBody(down, about=(0.3, -0.2), D=("x",), name="die")
+    foot = sc.Contact(low.surface("bottom"), die, friction=sc.Coulomb(0.3), name="foot")
+    solver = sc.ContactSolver([low, die], foot, options=sc.Options(tolerance=1e-14))
+    given = {
+        "load": ("f", np.array([0.0, 0.01, 0.0005]), (0.0, 0.5, 0.02)),
+        "displacement": ("x", np.array([0.001, 0.0, 0.0]), (1.0, 0.0, 0.0)),
+    }
+    step = {key: {"die": tuple(own)} for key, own, _ in given.values()}
+    [result] = solver.history([step])
+    assert {0, 1, 2} == set(result.status)
+    for kind, (key, own, along) in given.items():
+        by = sc.answers.Parameter(kind, "die", along=along)
+        ends = [step | {key: {"die": tuple(own + h * np.array(along))}} for h in (-1e-6, 1e-6)]
+        less, more = (quantities(*solver.history([end])) for end in ends)
+        found = result.sensitivity(by)
+        for name in QUANTITIES:
+            wanted = (more[name] - less[name]) / 2e-6
+            assert_allclose(getattr(found, name), wanted, atol=CLOSE * np.abs(wanted).max())
+        field = sc.answers.Parameter(kind, "die", field=True)
+        parts = solver.gradient(whole, [step], by=[field, by]).parts
+        assert parts[0] @ along == pytest.approx(parts[1], rel=1e-11)
+        none = list(solver.history([step, 0.0]))[-1]
+        assert not np.any(none.sensitivity(by).u)
+
+
 @pytest.mark.parametrize("dim", [2, 3])
 def test_supports_that_reach_into_the_contact(dim):
     """On a tool a guided side has its slips prescribed, or one of two tangents."""

@@ -191,12 +191,12 @@ def _factors(by: Parameter, tangent: Tangent, i: int, at: slice) -> list[tuple[s
     """
     answer, kin = tangent.answer, tangent.answer.kin
     if by.kind in LOADS:
-        # of the loads or displacements of a body in a step over those that a user gives
-        scale, of_step = answer.system.scale(answer.system.bodies[i]), answer.case.scale
-        load = by.kind == "load"
-        share = (1.0 / scale if load else scale) * (of_step[0 if load else 1] or 1.0)
-        share = 1.0 if by.along is None and not by.field else share
-        return [("f" if load else "x", np.full((at.stop - at.start, 1), share))]
+        load, body = by.kind == "load", answer.system.bodies[i]
+        share: Array | float = 1.0
+        if by.field or by.along is not None:  # of a body in a step over those that a user gives
+            factor, scale = answer.case.scale[0 if load else 1], answer.system.scale(body)
+            share = (1.0 / scale if load else scale) * (1.0 if factor is None else factor)
+        return [("f" if load else "x", np.broadcast_to(share, body.n)[:, None])]
     if by.kind == "friction":
         steep = by_coefficient(tangent, i, at)[:, None]
         return [("bound", steep), ("mapped", tangent.direction[at] * steep)]
@@ -204,7 +204,7 @@ def _factors(by: Parameter, tangent: Tangent, i: int, at: slice) -> list[tuple[s
         paired = kin.paired[at, None, None]
         normal, axes = kin.normal[at, None], kin.axes[at]
         return [("gap0", np.where(paired, -normal, 0.0)), ("slip0", np.where(paired, -axes, 0.0))]
-    return [("gap0", np.full((at.stop - at.start, 1), 1.0 if by.kind == "gap" else -1.0))]
+    return [("gap0", np.full((len(kin.normal[at]), 1), 1.0 if by.kind == "gap" else -1.0))]
 
 
 def by_coefficient(tangent: Tangent, i: int, part: slice) -> Array:
