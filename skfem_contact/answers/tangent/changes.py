@@ -154,9 +154,6 @@ def change(by: Parameter, tangent: Tangent) -> Values:
     if by.kind in GAPS:
         kin = answer.kin
         out["gap0"] = np.where(kin.paired[:, None], kin.of_rows(out["gap0"]), 0.0)
-    if "x" in out:
-        free = np.delete(np.arange(answer.system.n), answer.system.D)
-        out["x"][free] = 0.0
     return out
 
 
