@@ -300,7 +300,13 @@ def test_points_with_a_mass_on_springs(D, known):
         assert_allclose(alone(body, n).frequency, wanted[:n], rtol=1e-9, atol=1e-7)
     with pytest.raises(sc.errors.InputError, match="singular on what is free to move"):
         alone(body, known + 1)
-    if D is None:  # one mass does not resist a turn about it
+    if D is not None:  # a mass that moves one way only
+        ones = np.outer(np.ones(20), np.ones(20))
+        small = bar(0, 1, 1, D=D, mass=csr_matrix(ones))
+        free = np.setdiff1d(np.arange(small.n), small.D)
+        gives = np.linalg.inv(small.K.toarray()[np.ix_(free, free)]).sum()
+        assert alone(small, 1).frequency[0] == pytest.approx(1 / np.sqrt(gives) / (2 * np.pi), rel=1e-9)
+    else:  # one mass does not resist a turn about it
         body = bar(0, 4, 16, mass=csr_matrix(np.diag(mass * (np.arange(body.n) > body.n - 3))))
         with pytest.raises(sc.errors.InputError, match="singular on what is free to move"):
             alone(body, 1)
