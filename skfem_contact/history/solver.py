@@ -826,7 +826,8 @@ class ContactSolver(Variants):
         >>> f"{found.value:.6f}, {found.parts[0]:.6f}"
         '0.000100, -0.020000'
         """
-        from skfem_contact.history.gradients import gradient, parameters
+        from skfem_contact.answers.tangent.changes import parameters
+        from skfem_contact.history.gradients import gradient
 
         known = parameters(by, many=True)
         return gradient(list(self.history(steps, start=start)), objective, known)
@@ -866,7 +867,8 @@ class ContactSolver(Variants):
         InputError
             There is no derivative; the message says why.
         """
-        from skfem_contact.history.gradients import jacobian, parameters
+        from skfem_contact.answers.tangent.changes import parameters
+        from skfem_contact.history.gradients import jacobian
 
         known = parameters(by, many=False)
         return jacobian(list(self.history(steps, start=start)), observe, known, side)
