@@ -14,8 +14,8 @@ in node-to-segment contact, and elimination of the normal DOFs is as local. (The
 of edges of faces with six and eight nodes hold corners, too.) As the integrals are exact, a uniform
 pressure passes between meshes that do not match (patch test).
 
-1. `segmentation` of curves and `face_segmentation` find the `pieces` on which facet meets facet.
-2. `pieces.Moments` integrates shape functions over them; all that follows is the same for both.
+1. `segmentation` finds the pieces on which facet meets facet: intervals of curves, polygons of faces.
+2. `segmentation.Moments` integrates shape functions over them.
 3. `dual` makes the basis of each facet: exact also where the primary covers it only in part, with
    the multipliers of what is cut short merged into their neighbours'. The row of an heir then holds
    both nodes, and a node left with no multiplier on any facet is not paired (it shows the heir's
@@ -49,12 +49,12 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import BENT
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.bulges import bulged
+from skfem_contact.pairing.bulges import Bulges, Parts, bulged
 from skfem_contact.pairing.closest import search_range
 from skfem_contact.pairing.dual import DualBasis, dual_basis, node_rows, positive_functions
 from skfem_contact.pairing.node import Pairing, gap_vectors
-from skfem_contact.pairing.pieces import Moments, Pieces, bulges_of, whole_shares
-from skfem_contact.pairing.segmentation import segment as segment_curves
+from skfem_contact.pairing.segmentation import Moments, Segmentation, segment, whole_shares
+from skfem_contact.pairing.smooth import Place, curved_pairs
 from skfem_contact.pairing.supports import (
     FREE,
     MET,
@@ -143,7 +143,7 @@ def dual_mortar(
     """
     if reach is not None and not reach > 0:
         raise InputError(f"reach={reach!r} must be a positive length")
-    pieces = _segment(secondary, primary, reach)
+    pieces = segment(secondary, primary, reach)
     moments, whole = Moments.of(pieces), whole_shares(secondary)
     supports = find_supports(pieces)
     basis = facet_bases(secondary, moments, whole, supports, pressed)
@@ -187,20 +187,6 @@ def dual_mortar(
         least_gap=least,
         slip_weights=None if supports is None else slip_rows(pieces, supports, (W_s, W_m)),
     )
-
-
-def _segment(secondary: ContactSurface, primary: ContactSurface, reach: float | None) -> Pieces:
-    """Return the parts of two curves, or of two surfaces of faces, that meet."""
-    if secondary.dim != primary.dim:
-        raise InputError(
-            f"Mortar contact between '{secondary.label}' in {secondary.dim}-D and '{primary.label}' in "
-            f"{primary.dim}-D: both are curves, or both are faces of solids."
-        )
-    if secondary.dim == 2:
-        return segment_curves(secondary, primary, reach)
-    from skfem_contact.pairing.face_segmentation import segment as segment_faces
-
-    return segment_faces(secondary, primary, reach)
 
 
 def facet_bases(
@@ -333,6 +319,31 @@ def mortar_normals(
     return np.where(sharp & ~corner, of_primary, own), of_primary
 
 
+def bulges_of(pieces: Segmentation, moments: Moments) -> tuple[Parts, tuple[Index, Array], Array]:
+    """Return what smooth boundaries change on the pieces that have some, see `bulges.bulged`.
+
+    The last are the least gaps of the pieces, infinite where facets are all there is, (p,).
+    """
+    secondary, primary, count = pieces.secondary, pieces.primary, len(moments.e)
+    some = np.flatnonzero(curved_pairs(secondary, primary, moments.e, moments.f))
+    e, f = moments.e[some], moments.f[some]
+    apart = moments.inside[some] @ secondary.points[secondary.facets[e]]
+    apart -= moments.cross[some] @ primary.points[primary.facets[f]]
+    found, least = [], np.full(count, np.inf)
+    place = np.zeros(count, dtype=np.intp)
+    place[some] = np.arange(len(some))
+    for piece, met, weight in pieces.points(some, heights=True) if len(some) else ():
+        # components first: long sums in place of many short ones
+        N, M, v, gap, weight = (
+            np.ascontiguousarray(x.T) for x in (met.N, met.M, met.directions, met.gap, weight)
+        )
+        places = Place(secondary, met.e, N), Place(primary, met.f, M)
+        mine, part = Bulges.of(piece, places, v, gap, weight)
+        found.append((place[mine], part))
+        least[mine] = np.minimum(least[mine], part.least)
+    return found, (e, apart), least
+
+
 def divided(matrix: csr_matrix, by: Array, paired: NDArray[np.bool_]) -> csr_matrix:
     """Rows divided by their sums, entries that are zero kept; no rows where not paired."""
     row, column, value = entries(matrix)
@@ -425,7 +436,7 @@ def overhang(
     return np.where(beside, across, np.inf), np.where(beside, facet_of[nearest], -1)
 
 
-def least_gaps(pieces: Pieces, acts: Mask, smooth: Array | None = None) -> Array | None:
+def least_gaps(pieces: Segmentation, acts: Mask, smooth: Array | None = None) -> Array | None:
     """Least distance in the support of each mortar row that reaches over a kink, shape (m,) [length].
 
     Parameters

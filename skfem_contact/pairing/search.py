@@ -205,11 +205,6 @@ def bisected(points: Array) -> Index:
     return order
 
 
-def facet_balls(surface: ContactSurface) -> tuple[Array, Array]:
-    """Centres (nf, d) and radii (nf,) of balls around facets."""
-    return _balls(*_boxes(surface))
-
-
 def _boxes(surface: ContactSurface) -> tuple[Array, Array]:
     """Boxes around facets, (nf, d) each; linear ones lie in the hull of their nodes."""
     x = node_positions(surface.points, surface.facets)
