@@ -4,7 +4,7 @@
 * `projection`: closest points of facets; `joints`: what leads along a surface from edges and corners;
 * `closest`, `node`: closest points of surfaces, and node-to-segment contact;
 * `control`: rows of quadratic faces whose nodal forces have no sign;
-* `vertices`, `corners`: convex corners of curves, what they meet, and the rows of that;
+* `corners`: convex corners of curves, what they meet, and the rows of that;
 * `mortar`: dual mortar contact: the rows, their normals and gaps, in steps:
   `segmentation` finds the pieces on which facet meets facet, and integrates over them
   (`cells`: plane parts of facets; `clipping`: polygons, and intervals of curves);
@@ -23,7 +23,7 @@ __getattr__, __dir__ = entrances(
     {
         "clipping": "Polygons clip nearest_parts several_sheets signed_areas",
         "closest": "closest_facets",
-        "corners": "corner_contacts unselected_sides",
+        "corners": "corner_contacts Corners unselected_sides",
         "diagnosis": "diagnose",
         "dual": "DualBasis dual_basis node_rows positive_functions",
         "frames": "plane_moduli",
@@ -34,6 +34,5 @@ __getattr__, __dir__ = entrances(
         "segmentation": "segment whole_shares",
         "search": "FacetTree closest_candidates",
         "supports": "along_supports",
-        "vertices": "Corners",
     },
 )

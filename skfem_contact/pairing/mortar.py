@@ -50,7 +50,7 @@ from skfem_contact.bodies.thresholds import BENT
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.bulges import Bulges, Parts, bulged
-from skfem_contact.pairing.closest import search_range
+from skfem_contact.pairing.closest import overhang, search_range
 from skfem_contact.pairing.dual import DualBasis, dual_basis, node_rows, positive_functions
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.segmentation import Moments, Segmentation, segment, whole_shares
@@ -65,7 +65,6 @@ from skfem_contact.pairing.supports import (
 )
 from skfem_contact.pairing.thresholds import KINK, NO_WEIGHT, SAME_NORMAL, SHARE_KEPT, SPREAD
 from skfem_contact.pairing.vectors import assembled, dot, entries, summed, without_round_off
-from skfem_contact.trees import Tree
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -162,10 +161,8 @@ def dual_mortar(
     change, smooth, bulge = bulged(secondary, primary, parts, apart, basis.A, normal, (sums, paired))
     least = least_gaps(pieces, np.asarray(basis.A.any(axis=2)), nearest_parts)
     gap = weighted_gaps(secondary, primary, normal, weights, change, least)
-    lonely = np.flatnonzero(~paired)
-    beside, nearest = overhang(secondary, primary, lonely, reach)
-    miss = np.zeros(len(paired))
-    miss[lonely], facet[lonely] = beside, nearest
+    miss, beside = overhang(secondary, primary, ~paired, *search_range(secondary, primary, reach))
+    facet[~paired] = beside[~paired]
     if supports is not None:
         miss[secondary.facets[supports.rank != FREE]] = 0.0  # handed to others
     nominal = np.bincount(secondary.facets.ravel(), whole.ravel(), len(paired))
@@ -412,28 +409,6 @@ def weighted_gaps(
         gap = np.maximum(gap, least)
     curved = np.zeros(len(gap), dtype=bool) if change is None else change != 0
     return without_round_off(gap, secondary, primary, curved)
-
-
-def overhang(
-    secondary: ContactSurface,
-    primary: ContactSurface,
-    some: Index,
-    reach: float | None,
-) -> tuple[Array, Index]:
-    """How far some points are beside the primary, across their normal [length], and of which facet."""
-    if not len(some):  # as usual
-        return np.zeros(0), some
-    outside, inside = search_range(secondary, primary, reach)
-    points, normal = secondary.points[some], secondary.normals[some]
-    _, nearest = Tree(primary.points).query(points)
-    away = primary.points[nearest] - points
-    along = np.sum(away * normal, axis=1)
-    across = np.linalg.norm(away - along[:, None] * normal, axis=1)
-    facing = np.sum(normal * primary.normals[nearest], axis=1) < 0
-    beside = facing & (along <= outside) & (along >= -inside)
-    facet_of = np.empty(len(primary.points), dtype=np.intp)
-    facet_of[primary.facets] = np.arange(len(primary.facets))[:, None]
-    return np.where(beside, across, np.inf), np.where(beside, facet_of[nearest], -1)
 
 
 def least_gaps(pieces: Segmentation, acts: Mask, smooth: Array | None = None) -> Array | None:
