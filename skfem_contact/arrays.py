@@ -11,6 +11,10 @@ from numpy.typing import NDArray
 from skfem_contact.arguments import check_unmasked, shown
 from skfem_contact.errors import InputError
 
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
 
 def rectangular(value: Any, what: str, wanted: str) -> NDArray[Any]:
     """An array of whatever type; lists that are nested to different depths make none.

@@ -1,9 +1,8 @@
 """The pairing: points of one surface on the facets of another, in the plane and in space.
 
 * `search`: which facets can meet a point; `vectors`: products, ragged ranges, entries of weights;
-* `projection`: closest points of facets; `joints`: what leads along a surface from edges and corners;
+* `projection`: closest points of facets, and what leads along a surface from edges and corners;
 * `closest`, `node`: closest points of surfaces, and node-to-segment contact;
-* `control`: rows of quadratic faces whose nodal forces have no sign;
 * `corners`: convex corners of curves, what they meet, and the rows of that;
 * `mortar`: dual mortar contact: the rows, their normals and gaps, in steps:
   `segmentation` finds the pieces on which facet meets facet, and integrates over them
@@ -27,10 +26,9 @@ __getattr__, __dir__ = entrances(
         "diagnosis": "diagnose",
         "dual": "DualBasis dual_basis node_rows positive_functions",
         "frames": "plane_moduli",
-        "joints": "rim_points",
         "mortar": "dual_mortar least_gaps",
         "node": "gap_vectors node_to_segment Pairing",
-        "projection": "interpolated_normals project",
+        "projection": "interpolated_normals project rim_points",
         "segmentation": "segment whole_shares",
         "search": "FacetTree closest_candidates",
         "supports": "along_supports",

@@ -9,18 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.normals import across, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.smooth import Heights, Place, curved_pairs, heights
 from skfem_contact.pairing.vectors import dot, without_round_off
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

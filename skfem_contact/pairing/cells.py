@@ -25,8 +25,8 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normals import across, cross, sizes, unit
 from skfem_contact.bodies.surface import ContactSurface
@@ -36,10 +36,6 @@ from skfem_contact.pairing.search import FacetTree, Nodes
 from skfem_contact.pairing.thresholds import FACING, MARGIN, NEWTON_STEPS, SETTLED
 from skfem_contact.pairing.vectors import dot, ragged
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 # With these signs the corners of a parallelogram add up to zero.
 SADDLE = np.array([1.0, -1.0, 1.0, -1.0])

@@ -5,24 +5,19 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.joints import Joints, across_edges
-from skfem_contact.pairing.projection import Feet, interpolated_normals, project
+from skfem_contact.pairing.projection import Feet, Joints, across_edges, interpolated_normals, project
 from skfem_contact.pairing.search import FacetTree, Nodes, closest_candidates
 from skfem_contact.pairing.thresholds import EXTENDED, FACING, LEAN
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 def search_range(

@@ -22,9 +22,9 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import CORNER
@@ -35,9 +35,6 @@ from skfem_contact.pairing.thresholds import CROSS, LEAN, SLACK
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 # (0 of the secondary, 1 of the primary; number of the point)
 Names = frozenset[tuple[int, int]]
 

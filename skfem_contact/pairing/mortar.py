@@ -41,9 +41,9 @@ W. A. Wall, Int. J. Numer. Meth. Engng 79 (2009) 1354-1391: contact.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.normals import angle_between, tangents, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import BENT
@@ -65,10 +65,6 @@ from skfem_contact.pairing.supports import (
 )
 from skfem_contact.pairing.thresholds import KINK, NO_WEIGHT, SAME_NORMAL, SHARE_KEPT, SPREAD
 from skfem_contact.pairing.vectors import assembled, dot, entries, summed, without_round_off
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 def dual_mortar(
@@ -341,7 +337,7 @@ def bulges_of(pieces: Segmentation, moments: Moments) -> tuple[Parts, tuple[Inde
     return found, (e, apart), least
 
 
-def divided(matrix: csr_matrix, by: Array, paired: NDArray[np.bool_]) -> csr_matrix:
+def divided(matrix: csr_matrix, by: Array, paired: Mask) -> csr_matrix:
     """Rows divided by their sums, entries that are zero kept; no rows where not paired."""
     row, column, value = entries(matrix)
     keep = paired[row]
@@ -352,7 +348,7 @@ def divided(matrix: csr_matrix, by: Array, paired: NDArray[np.bool_]) -> csr_mat
     return csr_matrix((value[keep] / by[row], column[keep], start), shape=matrix.shape)
 
 
-def shared_nodes(secondary: ContactSurface, primary: ContactSurface) -> NDArray[np.bool_]:
+def shared_nodes(secondary: ContactSurface, primary: ContactSurface) -> Mask:
     """Nodes that are on both surfaces (the tip of a slit) and can not meet themselves."""
     if secondary.body is not primary.body:
         return np.zeros(len(secondary.points), dtype=bool)

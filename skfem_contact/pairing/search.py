@@ -17,8 +17,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.facet_kinds import node_positions
 from skfem_contact.bodies.normals import sizes, tangents
 from skfem_contact.bodies.surface import ContactSurface
@@ -26,11 +26,6 @@ from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.thresholds import BULGE, FEW_PAIRS, MARGIN, PAIRS_AT_ONCE
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
-
 
 # At the centre of a ball a point is within, whatever its direction.
 TINY = float(np.finfo(float).tiny)

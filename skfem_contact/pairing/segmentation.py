@@ -36,11 +36,11 @@ faces in parts.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.facet_kinds import KINDS, FacetKind
 from skfem_contact.bodies.normals import across, sizes, unit
 from skfem_contact.bodies.surface import ContactSurface
@@ -73,9 +73,6 @@ from skfem_contact.pairing.thresholds import (
 )
 from skfem_contact.pairing.vectors import dot, summed
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 # Degrees of the quadrature: at least, in parts of curved facets, and by how much more than for
 # polynomials on faces that are neither parallelograms nor triangles.
@@ -190,12 +187,12 @@ class Segmentation:
             step = max(1, POINTS_AT_ONCE // len(w))
             for first in range(0, len(whose), step):
                 of, corners = mine[whose[first : first + step]], simplices[first : first + step]
-                points = self._meet(of, at @ corners)
+                points = self.meet(of, at @ corners)
                 yield of, points, signed_areas(corners)[:, None] * w * self._stretch(of, points)
 
     def corners(self, some: Index) -> Meeting:
         """Return what meets at the ends or corners of some pieces."""
-        return self._meet(some, self.pieces.corners[some])
+        return self.meet(some, self.pieces.corners[some])
 
     def beyond(self, some: Index) -> Array:
         """Return how far nodes are beyond some pieces of their facets, in the planes, shape (p, k)."""
@@ -203,15 +200,56 @@ class Segmentation:
 
     def nodes(self, some: Index, local: Index) -> Meeting:
         """Return what normals at nodes meet, one of the facet of each piece, if its partner went on."""
-        return self._meet(some, self._seen(some)[np.arange(len(some)), local][:, None])
+        return self.meet(some, self._seen(some)[np.arange(len(some)), local][:, None])
 
     def _seen(self, some: Index) -> Array:
         """Nodes of the facets of some pieces in the planes of their cells, (p, k, d-1)."""
         x = self.secondary.points[self.secondary.facets[self.facets[0][some]]]
         return self.cells[0].local(self.e[some], x)[..., :-1]
 
-    def _meet(self, some: Index, X: Array) -> Meeting:
-        return meet(self.secondary, self.primary, self.cells, self.e[some], self.f[some], X)
+    def some(self, chosen: Index) -> Segmentation:
+        """These pieces, in this order."""
+        of, pieces = (self.e[chosen], self.f[chosen]), self.pieces.some(chosen)
+        return Segmentation(self.secondary, self.primary, self.cells, *of, pieces)
+
+    def gaps(self, some: Index, X: Array) -> Array:
+        """Gaps along the normals at places X (p, d-1) in the planes of some pieces, (p,) [length]."""
+        return self.meet(some, X[:, None]).gap[:, 0]
+
+    def meet(self, some: Index, X: Array) -> Meeting:
+        """Return what normals at places X (p, n, d-1) in the planes of some pieces meet."""
+        secondary, primary, (own, other) = self.secondary, self.primary, self.cells
+        e, f = self.e[some], self.f[some]
+        # `take` gathers rows in a fraction of the time of an index
+        facets = own.facet[e], other.facet[f]
+        nodes, opposite = (
+            own.local(e, surface.points.take(surface.facets.take(facet, axis=0), axis=0))
+            for surface, facet in zip((secondary, primary), facets, strict=True)
+        )
+        corners = own.corners.take(e, axis=0)[:, None, :, :-1]
+        at, slopes = own.kind.shapes(local_coordinates(corners, X))
+        N, x = at, X
+        if secondary.kind.quadratic:
+            N = secondary.kind.shapes(at @ own.reference[e])[0]
+            x = N @ nodes
+        # in the plane of the cell, as seen along the normal
+        normal, slope = own.normals.take(e, axis=0), None
+        if own.parallel[e].all():
+            normal, x = normal[:, :1], x[..., : own.kind.dim]
+        else:
+            normal = at @ normal
+            slope = normal[..., :-1] / normal[..., -1:]
+            x = N @ nodes
+            x = x[..., :-1] - x[..., -1:] * slope
+        seen = corners = _seen(opposite, slope)
+        if primary.kind.quadratic:
+            corners = _seen(own.local(e, other.positions.take(f, axis=0)), slope)
+        M = other.kind.shapes(local_coordinates(corners, x))[0]
+        if primary.kind.quadratic:
+            eta = _solve(primary.kind, seen, x, M @ other.reference[f])
+            M = primary.kind.shapes(eta)[0]
+        axes = own.axes.take(e, axis=0)
+        return Meeting(*facets, N, M, normal, (nodes, opposite), axes, (at, slopes))
 
     def _rule(self, shape: int, heights: bool) -> tuple[Array, Array]:
         """Barycentric coordinates (n, d) and weights (n,) of Gauss points of a simplex."""
@@ -277,82 +315,17 @@ def segment(
     pieces = clip(images, windows)
     some = np.flatnonzero(pieces.areas > COMPUTED * own.areas[e])
     e, f, pieces = e[some], f[some], pieces.some(some).plain(COMPUTED * own.areas[e[some]])
-    gaps = partial(_gaps, secondary, primary, cells)
-    gap = gaps(e, f, pieces.middles)
+    found = Segmentation(secondary, primary, cells, e, f, pieces)
+    gap = found.gaps(np.arange(len(e)), pieces.middles)
     looks = dot(own.axes[e, -1], other.axes[f, -1])
     near = np.flatnonzero((looks < -FACING) & (gap <= limits[0]) & (gap >= -limits[1]))
-    e, f, pieces = e[near], f[near], pieces.some(near)
-    rivals = several_sheets(e, primary.facets[other.facet[f], : primary.kind.corners])
-    if rivals:
-        of, pieces = nearest_parts(pieces, rivals, lambda i, X: gaps(e[i], f[i], X))
-        e, f = e[of], f[of]
-        some = np.flatnonzero(pieces.areas > COMPUTED * own.areas[e])
-        e, f, pieces = e[some], f[some], pieces.some(some)
-    return Segmentation(secondary, primary, cells, e, f, pieces)
-
-
-def _gaps(
-    secondary: ContactSurface,
-    primary: ContactSurface,
-    cells: tuple[Cells, Cells],
-    e: Index,
-    f: Index,
-    X: Array,
-) -> Array:
-    """Gaps along the normals at places X (p, d-1) in the planes of cells e, to cells f."""
-    return meet(secondary, primary, cells, e, f, X[:, None]).gap[:, 0]
-
-
-def meet(
-    secondary: ContactSurface,
-    primary: ContactSurface,
-    cells: tuple[Cells, Cells],
-    e: Index,
-    f: Index,
-    X: Array,
-) -> Meeting:
-    """Points of the secondary's cells on the primary, along the normal field.
-
-    Parameters
-    ----------
-    secondary, primary : ContactSurface
-    cells : (Cells, Cells)
-        Of both.
-    e, f : ndarray of int, shape (p,)
-        Cells of each.
-    X : ndarray, shape (p, n, d-1)
-        Places in the planes of the cells e.
-    """
-    own, other = cells
-    # `take` gathers rows in a fraction of the time of an index
-    facets = own.facet[e], other.facet[f]
-    nodes, opposite = (
-        own.local(e, surface.points.take(surface.facets.take(facet, axis=0), axis=0))
-        for surface, facet in zip((secondary, primary), facets, strict=True)
-    )
-    at, slopes = own.kind.shapes(local_coordinates(own.corners.take(e, axis=0)[:, None, :, :-1], X))
-    N, x = at, X
-    if secondary.kind.quadratic:
-        N = secondary.kind.shapes(at @ own.reference[e])[0]
-        x = N @ nodes
-    # in the plane of the cell, as seen along the normal
-    normal, slope = own.normals.take(e, axis=0), None
-    if own.parallel[e].all():
-        normal, x = normal[:, :1], x[..., : own.kind.dim]
-    else:
-        normal = at @ normal
-        slope = normal[..., :-1] / normal[..., -1:]
-        x = N @ nodes
-        x = x[..., :-1] - x[..., -1:] * slope
-    seen = _seen(opposite, slope)
-    corners = (
-        _seen(own.local(e, other.positions.take(f, axis=0)), slope) if primary.kind.quadratic else seen
-    )
-    M = other.kind.shapes(local_coordinates(corners, x))[0]
-    if primary.kind.quadratic:
-        eta = _solve(primary.kind, seen, x, M @ other.reference[f])
-        M = primary.kind.shapes(eta)[0]
-    return Meeting(*facets, N, M, normal, (nodes, opposite), own.axes.take(e, axis=0), (at, slopes))
+    found = found.some(near)
+    rivals = several_sheets(found.e, primary.facets[found.facets[1], : primary.kind.corners])
+    if not rivals:
+        return found
+    of, pieces = nearest_parts(found.pieces, rivals, found.gaps)
+    found = replace(found.some(of), pieces=pieces)
+    return found.some(np.flatnonzero(pieces.areas > COMPUTED * own.areas[found.e]))
 
 
 def _seen(points: Array, slope: Array | None) -> Array:

@@ -33,9 +33,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.normals import unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.node import Pairing
@@ -43,10 +43,6 @@ from skfem_contact.pairing.segmentation import Segmentation
 from skfem_contact.pairing.thresholds import MOVING_SHARE, OVERHANG, SHARE_FREE
 from skfem_contact.pairing.vectors import entries
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 # What a node may do on a facet; the largest of these on the facet have no multiplier.
 FREE, HELD, MET = range(3)

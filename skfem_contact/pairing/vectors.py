@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.thresholds import NO_WEIGHT
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 def dot(v: Array, w: Array) -> Array:
@@ -103,7 +100,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def without_round_off(
-    gap: Array, secondary: ContactSurface, primary: ContactSurface, smooth: NDArray[np.bool_]
+    gap: Array, secondary: ContactSurface, primary: ContactSurface, smooth: Mask
 ) -> Array:
     """Gaps (m,) that are zero where they are round-off of coordinates, or of `smooth` boundaries.
 

@@ -23,7 +23,7 @@ from skfem_contact.answers.thresholds import SHARPER
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.state import OPEN, STICK
-from skfem_contact.pairing.joints import rim_points
+from skfem_contact.pairing.projection import rim_points
 from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
