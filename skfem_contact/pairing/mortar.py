@@ -41,7 +41,7 @@ W. A. Wall, Int. J. Numer. Meth. Engng 79 (2009) 1354-1391: contact.
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import bsr_matrix, csr_matrix
 
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.normals import angle_between, tangents, unit
@@ -49,7 +49,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import BENT
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.bulges import Bulges, Parts, bulged
+from skfem_contact.pairing.bulges import TINY, Bulges, block_matrix
 from skfem_contact.pairing.closest import overhang, search_range
 from skfem_contact.pairing.dual import DualBasis, dual_basis, node_rows, positive_functions
 from skfem_contact.pairing.node import Pairing, gap_vectors
@@ -141,11 +141,11 @@ def dual_mortar(
     pieces = segment(secondary, primary, reach)
     moments, whole = Moments.of(pieces), whole_shares(secondary)
     supports = find_supports(pieces)
-    basis = facet_bases(secondary, moments, whole, supports, pressed)
+    basis = facet_bases(moments, whole, supports, pressed)
     owner, exchange = own_rows(secondary, primary, supports, basis)
     D, area, normal = secondary_matrix(secondary, basis.share, owner)
-    M, facet = primary_matrix(secondary, primary, moments, basis.A)
-    of_secondary, of_primary = mortar_normals(secondary, primary, moments, basis.A, normal)
+    M, facet = primary_matrix(moments, basis.A)
+    of_secondary, of_primary = mortar_normals(moments, basis.A, normal)
     M = M if exchange is None else M + exchange
     paired = (area > 0) & ~shared_nodes(secondary, primary)
     sums = np.asarray(M.sum(axis=1), dtype=float).ravel()
@@ -153,9 +153,8 @@ def dual_mortar(
     for W in weights:
         W.data[np.abs(W.data) < NO_WEIGHT] = 0.0
     W_m.eliminate_zeros()  # those of the secondary name the heirs
-    parts, apart, nearest_parts = bulges_of(pieces, moments)
-    change, smooth, bulge = bulged(secondary, primary, parts, apart, basis.A, normal, (sums, paired))
-    least = least_gaps(pieces, np.asarray(basis.A.any(axis=2)), nearest_parts)
+    change, smooth, bulge, nearest = smooth_gaps(moments, basis.A, normal, (sums, paired))
+    least = least_gaps(pieces, np.asarray(basis.A.any(axis=2)), nearest)
     gap = weighted_gaps(secondary, primary, normal, weights, change, least)
     miss, beside = overhang(secondary, primary, ~paired, *search_range(secondary, primary, reach))
     facet[~paired] = beside[~paired]
@@ -183,13 +182,10 @@ def dual_mortar(
 
 
 def facet_bases(
-    surface: ContactSurface,
-    moments: Moments,
-    whole: Array,
-    supports: Supports | None,
-    pressed: Index | None,
+    moments: Moments, whole: Array, supports: Supports | None, pressed: Index | None
 ) -> DualBasis:
     """Multipliers of all facets: zero where nothing is covered, one each of those `pressed`."""
+    surface = moments.pieces.secondary
     nf, k = surface.facets.shape
     covered = np.unique(moments.e)
     share = moments.own.sum(axis=2) @ positive_functions(surface.kind).T
@@ -255,22 +251,23 @@ def secondary_matrix(
     return D, area, -node_directions(surface, total, area)
 
 
-def primary_matrix(
-    secondary: ContactSurface, primary: ContactSurface, moments: Moments, A: Array
-) -> tuple[csr_matrix, Index]:
-    """Assemble ``M``; and for each node the primary facet where its shape function weighs most."""
-    e, f = moments.e, moments.f
-    data = A[e] @ moments.cross
-    row = np.broadcast_to(secondary.facets[e][:, :, None], data.shape)
+def primary_matrix(moments: Moments, A: Array) -> tuple[csr_matrix, Index]:
+    """Assemble ``M``; and for each node the primary facet where its function weighs most, or -1."""
+    secondary, primary, f = moments.pieces.secondary, moments.pieces.primary, moments.f
+    data, nodes = A[moments.e] @ moments.cross, secondary.facets[moments.e]
+    row = np.broadcast_to(nodes[:, :, None], data.shape)
     col = np.broadcast_to(primary.facets[f][:, None, :], data.shape)
-    shape = (len(secondary.points), len(primary.points))
+    shape, nf = (len(secondary.points), len(primary.points)), len(primary.facets)
     M = assembled((row.ravel(), col.ravel()), data.ravel(), shape)
-    return M, main_facets(secondary, primary, e, f, moments.cross.sum(axis=2))
+    pair, which = np.unique(nodes * nf + f[:, None], return_inverse=True)
+    weight = np.bincount(which.ravel(), moments.cross.sum(axis=2).ravel())
+    facet = np.full(shape[0], -1)
+    pair = pair[np.argsort(weight, kind="stable")]  # the last written is the largest
+    facet[pair // nf] = pair % nf
+    return M, facet
 
 
-def mortar_normals(
-    secondary: ContactSurface, primary: ContactSurface, moments: Moments, A: Array, own: Array
-) -> tuple[Array, Array]:
+def mortar_normals(moments: Moments, A: Array, own: Array) -> tuple[Array, Array]:
     """Normals of both sides in the weighted mean of dual multipliers, from primary to secondary.
 
     The primary's field of normals is weighted with the multipliers like its displacements: exact for
@@ -279,7 +276,6 @@ def mortar_normals(
 
     Parameters
     ----------
-    secondary, primary : ContactSurface
     moments : Moments
     A : ndarray, shape (nf, k, k)
         The multipliers of each facet in its shape functions.
@@ -290,6 +286,7 @@ def mortar_normals(
     -------
     of_secondary, of_primary : ndarray, shape (m, d)
     """
+    secondary, primary = moments.pieces.secondary, moments.pieces.primary
     node, field = secondary.facets[moments.e], primary.facet_node_normals[moments.f]
     total = summed(node, A[moments.e] @ moments.cross @ field, len(own))
     length = np.linalg.norm(total, axis=1, keepdims=True)
@@ -312,29 +309,63 @@ def mortar_normals(
     return np.where(sharp & ~corner, of_primary, own), of_primary
 
 
-def bulges_of(pieces: Segmentation, moments: Moments) -> tuple[Parts, tuple[Index, Array], Array]:
-    """Return what smooth boundaries change on the pieces that have some, see `bulges.bulged`.
+def smooth_gaps(
+    moments: Moments, A: Array, normal: Array, rows: tuple[Array, Mask]
+) -> tuple[Array | None, Array | None, bsr_matrix | None, Array]:
+    """Return what smooth boundaries change on the pieces that have some (`smooth`); None if nothing.
 
-    The last are the least gaps of the pieces, infinite where facets are all there is, (p,).
+    As far as curvatures agree the weighted gap is the mean of distances, not of vectors whose
+    directions differ.
+
+    Parameters
+    ----------
+    moments : Moments
+    A : ndarray, shape (nf, k, k)
+        The multipliers of each facet in its shape functions.
+    normal : ndarray, shape (m, d)
+    rows : (ndarray, ndarray), shape (m,)
+        What rows are divided by [area], and which there are.
+
+    Returns
+    -------
+    change, smooth, bulge
+        Of weighted gaps (m,) [length], `Pairing.smooth` and `Pairing.primary_bulge`.
+    least : ndarray, shape (p,)
+        Least gaps of the pieces, infinite where facets are all there is.
     """
-    secondary, primary, count = pieces.secondary, pieces.primary, len(moments.e)
+    secondary, primary = moments.pieces.secondary, moments.pieces.primary
+    least, (by, there), faces = np.full(len(moments.e), np.inf), rows, secondary.facets
     some = np.flatnonzero(curved_pairs(secondary, primary, moments.e, moments.f))
-    e, f = moments.e[some], moments.f[some]
-    apart = moments.inside[some] @ secondary.points[secondary.facets[e]]
+    if not len(some):
+        return None, None, None, least
+    e, f, m = moments.e[some], moments.f[some], len(by)
+    apart = moments.inside[some] @ secondary.points[faces[e]]
     apart -= moments.cross[some] @ primary.points[primary.facets[f]]
-    found, least = [], np.full(count, np.inf)
-    place = np.zeros(count, dtype=np.intp)
-    place[some] = np.arange(len(some))
-    for piece, met, weight in pieces.points(some, heights=True) if len(some) else ():
+    parts, alike, area = [], np.zeros(len(some)), np.zeros(len(some))
+    for piece, met, weight in moments.pieces.points(some, heights=True):
         # components first: long sums in place of many short ones
         N, M, v, gap, weight = (
             np.ascontiguousarray(x.T) for x in (met.N, met.M, met.directions, met.gap, weight)
         )
         places = Place(secondary, met.e, N), Place(primary, met.f, M)
         mine, part = Bulges.of(piece, places, v, gap, weight)
-        found.append((place[mine], part))
         least[mine] = np.minimum(least[mine], part.least)
-    return found, (e, apart), least
+        mine = np.searchsorted(some, mine)
+        parts.append((mine, part))
+        alike[mine] += part.alike
+        area[mine] += part.area
+    alike = np.maximum(np.divide(alike, area, out=np.zeros(len(some)), where=area > 0), TINY)
+    vectors = dot(A[e] @ apart, normal[faces[e]])
+    total = -np.bincount(faces[e].ravel(), (alike[:, None] * vectors).ravel(), m)
+    for mine, part in parts:
+        scalar = alike[mine, None] * part.gap - part.height
+        total += np.bincount(part.node.ravel(), (A[part.e] @ scalar[..., None]).ravel(), m)
+    change = np.divide(total, by, out=np.zeros(m), where=there)
+    smooth, acts = np.zeros(m), A[e].any(axis=2)
+    np.maximum.at(smooth, faces[e][acts], np.broadcast_to(alike[:, None], acts.shape)[acts])
+    blocks = [part.blocks(primary, A) for _, part in parts if part.move is not None]
+    bulge = block_matrix(blocks, (m, len(primary.points)), rows) if blocks else None
+    return change, smooth, bulge, least
 
 
 def divided(matrix: csr_matrix, by: Array, paired: Mask) -> csr_matrix:
@@ -353,29 +384,6 @@ def shared_nodes(secondary: ContactSurface, primary: ContactSurface) -> Mask:
     if secondary.body is not primary.body:
         return np.zeros(len(secondary.points), dtype=bool)
     return np.isin(secondary.dofs[:, 0], primary.dofs[:, 0])
-
-
-def main_facets(
-    secondary: ContactSurface, primary: ContactSurface, e: Index, f: Index, part: Array
-) -> Index:
-    """For each node the primary facet where its shape function weighs most, (m,); -1 where none.
-
-    Parameters
-    ----------
-    secondary, primary : ContactSurface
-    e, f : ndarray of int, shape (p,)
-        Facets that meet.
-    part : ndarray, shape (p, k)
-        Weights of the nodes of facet e over what it has in common with f.
-    """
-    m, nf = len(secondary.points), len(primary.facets)
-    place = secondary.facets[e].ravel() * nf + np.repeat(f, part.shape[1])
-    pair, which = np.unique(place, return_inverse=True)
-    weight = np.bincount(which, part.ravel())
-    facet = np.full(m, -1)
-    pair = pair[np.argsort(weight, kind="stable")]  # the last written is the largest
-    facet[pair // nf] = pair % nf
-    return facet
 
 
 def node_directions(surface: ContactSurface, total: Array, area: Array) -> Array:
@@ -412,7 +420,7 @@ def least_gaps(pieces: Segmentation, acts: Mask, smooth: Array | None = None) ->
 
     Parameters
     ----------
-    pieces : Pieces
+    pieces : Segmentation
     acts : ndarray of bool, shape (nf, k)
         Nodes that have a multiplier on each facet of the secondary.
     smooth : ndarray, shape (p,), optional

@@ -41,6 +41,7 @@ from dataclasses import replace
 import numpy as np
 
 from skfem_contact.arrays import Array, Index
+from skfem_contact.bodies.areas import area_elements
 from skfem_contact.bodies.facet_kinds import KINDS, FacetKind
 from skfem_contact.bodies.normals import across, sizes, unit
 from skfem_contact.bodies.surface import ContactSurface
@@ -368,6 +369,7 @@ class Moments:
 
     Attributes
     ----------
+    pieces : Segmentation
     e, f : ndarray of int, shape (p,)
         Facets of the secondary and of the primary that each piece is part of.
     own : ndarray, shape (nf, k, k)
@@ -378,6 +380,7 @@ class Moments:
         ``int N_i N_j^primary`` over each piece [area].
     """
 
+    pieces: Segmentation
     e: Index
     f: Index
     own: Array
@@ -396,7 +399,7 @@ class Moments:
             own += summed(piece, (weighted @ points.N).reshape(len(piece), k * k), p)
             across += summed(piece, (weighted @ points.M).reshape(len(piece), k * k_other), p)
         whole = summed(e, own, nf).reshape(nf, k, k)
-        return cls(e, f, whole, own.reshape(p, k, k), across.reshape(p, k, k_other))
+        return cls(pieces, e, f, whole, own.reshape(p, k, k), across.reshape(p, k, k_other))
 
 
 def whole_shares(surface: ContactSurface) -> Array:
@@ -405,13 +408,12 @@ def whole_shares(surface: ContactSurface) -> Array:
     Where one is zero, at the end of a quadratic line on the axis of symmetry, it is that of a facet of
     the same area off the axis: every share is a part of something.
     """
-    kind, nodes = surface.kind, surface.points[surface.facets]
+    kind, measure = surface.kind, surface.body.measure
     at, weight = kind.quadrature(2 * kind.degree)
-    N, dN = kind.shapes(at)
-    along = np.swapaxes(np.tensordot(dN, nodes, (1, 1)), 1, 2)  # (q, nf, d-1, d)
-    area = sizes(across(along)) * weight[:, None]
-    if surface.body.measure is not None:
-        area = area * surface.body.measure(np.moveaxis(np.tensordot(N, nodes, (1, 1)), -1, 0))
+    N, _ = kind.shapes(at)
+    area = sizes(area_elements(surface.points, surface.facets, kind, at)) * weight
+    if measure is not None:
+        area = area * measure(np.moveaxis(N @ surface.points[surface.facets], -1, 0))
     tests = N @ positive_functions(kind).T
-    whole, plain = area.T @ tests, np.outer(area.sum(axis=0), positive_functions(kind) @ kind.shares)
+    whole, plain = area @ tests, np.outer(area.sum(axis=1), positive_functions(kind) @ kind.shares)
     return np.asarray(np.where(whole > NO_WEIGHT * plain, whole, plain))
