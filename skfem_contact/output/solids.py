@@ -270,7 +270,7 @@ def plotter_of(pyvista: Any, parts: list[Part], image: Any, off_screen: bool | N
     for part in parts:
         style: dict[str, Any] = {"opacity": part.opacity, "lighting": part.shaded}
         if part.shaded:
-            style |= {"ambient": 0.45, "diffuse": 0.55}
+            style |= {"ambient": 0.6, "diffuse": 0.4}
         mesh = pyvista.PolyData(part.points, np.insert(part.triangles, 0, 3, axis=1))
         if isinstance(part.colour, str):
             style["color"] = to_hex(part.colour)
@@ -293,22 +293,21 @@ def _pixels(
 ) -> NDArray[np.uint8]:
     """The picture of a part of the plane of view, (height, width, 4)."""
     size = shown[1] - shown[0]
-    plotter = plotter_of(pyvista, parts, image, True)
-    plotter.window_size = [max(1, int(s)) for s in PIXELS * size / size.max()]
-    middle, reach = (
-        np.append(0.5 * (shown[0] + shown[1]), depth.mean()),
-        float(np.ptp(depth) + size.max()),
-    )
-    centre = middle @ frame
-    camera = plotter.camera
-    camera.focal_point, camera.position, camera.up = centre, centre + 2 * reach * frame[2], frame[1]
-    camera.parallel_projection, camera.parallel_scale = True, 0.5 * float(size[1])
-    camera.clipping_range = reach, 3 * reach
-    plotter.enable_anti_aliasing("ssaa")
+    middle = np.append(0.5 * (shown[0] + shown[1]), depth.mean())
+    centre, reach = middle @ frame, float(np.ptp(depth) + size.max())
+    behind = 0.002 * reach * frame[2]  # obstacles, so that faces that touch them are drawn
+    parts = [replace(p, points=p.points - behind) if p.opacity < 1 else p for p in parts]
     with pyvista.vtk_verbosity("error"):  # VTK warns where it looks for a display in vain
-        pixels = np.asarray(plotter.screenshot(return_img=True, transparent_background=True))
-    plotter.close()
-    return pixels
+        plotter = plotter_of(pyvista, parts, image, True)
+        plotter.window_size = [max(1, int(s)) for s in PIXELS * size / size.max()]
+        camera = plotter.camera
+        camera.focal_point, camera.position, camera.up = centre, centre + 2 * reach * frame[2], frame[1]
+        camera.parallel_projection, camera.parallel_scale = True, 0.5 * float(size[1])
+        camera.clipping_range = reach, 3 * reach
+        plotter.enable_anti_aliasing("ssaa")
+        pixels = plotter.screenshot(return_img=True, transparent_background=True)
+        plotter.close()
+    return np.asarray(pixels)
 
 
 def _paint(ax: Any, parts: list[Part], frame: Array, image: Any) -> None:
