@@ -101,8 +101,10 @@ for column, degrees in enumerate(shown):
     ax = figure.add_subplot(grid[0, column])
     tilt = np.radians(degrees)
     up = (np.sin(tilt), 0, np.cos(tilt))  # it slides to the left
-    look = {"viewer": (0.25, -1, 0.15), "up": up, "units": {"length": "mm", "stress": "MPa"}}
-    sc.plot_deformed(result, magnified, stress=mises, ax=ax, **look)
+    units = {"length": "mm", "stress": "MPa"}
+    sc.plot_deformed(
+        result, magnified, stress=mises, ax=ax, units=units, viewer=(0.25, -1, 0.15), up=up
+    )
     ax.set_title(f"{degrees} degrees")
     used = np.linalg.norm(result.tangential_force, axis=1)
     used = used / np.where(result.status == 0, np.inf, result.normal_force)

@@ -126,8 +126,10 @@ figure = plt.figure(figsize=(11, 4.8), layout="constrained")
 left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[1, 0.9]).flat
 units = {"length": "mm", "stress": "MPa"}
 mises = {"von Mises stress": lambda body, u: sc.von_mises(body, u, E=E, nu=nu)}
-look = {"viewer": (6, -62, 61), "obstacles": False, "cmap": "turbo", "units": units}
-sc.plot_deformed(result, stress=mises, ax=left.subplots(), **look)
+sc.plot_deformed(
+    result, stress=mises, ax=left.subplots(), units=units, cmap="turbo", obstacles=False,
+    viewer=(6, -62, 61),
+)  # fmt: skip
 over = right.subplots()
 along = (values.points[:, 0] - r1) / np.cos(alpha)  # along the flank from the pitch point
 order = middle[np.argsort(along[middle])]

@@ -176,7 +176,7 @@ def test_bodies_are_drawn_displaced(kind: str, engine: str) -> None:
 def test_a_viewer_is_a_direction_that_up_is_not_along() -> None:
     """Both have three numbers, and are not parallel."""
     result = pressed("quad4")
-    with pytest.raises(InputError, match=r"viewer is \(0.0, 0.0, 2.0\).*must not be parallel"):
+    with pytest.raises(InputError, match=r"viewer is \[0.0, 0.0, 2.0\].*must not be parallel"):
         sc.plot_deformed(result, viewer=(0, 0, 2))
     with pytest.raises(InputError, match=r"up \(2,\).*give a direction"):
         sc.plot_deformed(result, up=(0, 1))

@@ -145,25 +145,19 @@ def plot_deformed(
         raise InputError("window is for plane pictures: set the limits of these axes instead")
     seen, bodies = view(result, scale), list(result.system.solids.values())
     values = [colours(result, body, stress, component) for body in bodies]
+    frame = frame_of(viewer, up) if solid else np.eye(2)
+    box = seen.box(result) if window is None else _window(window)
+    if window is None and obstacles:
+        box = with_tools(result, seen, box)
     if solid:
-        frame = frame_of(viewer, up)
-        shades = zip(bodies, values, strict=True)
-        parts = [body_part(result, body, seen, v) for body, v in shades]
-        box = seen.box(result)
-        if obstacles:
-            box = with_tools(result, seen, box)
-            parts += tool_parts(result, seen, box)
+        parts = [body_part(result, body, seen, v) for body, v in zip(bodies, values, strict=True)]
+        parts += tool_parts(result, seen, box) if obstacles else []
         ax, image = picture(parts, ax, frame, cmap, limits(values), words)
-        places = np.concatenate(seen.nodes(result)) @ frame[:2].T
     else:
-        box = seen.box(result) if window is None else _window(window)
-        if window is None and obstacles:
-            box = with_tools(result, seen, box)
         ax = new_axes(ax, _figure_size(box))
         image = _draw_cells(ax, result, seen, values, cmap)
         for points, lines in placed_tools(result, seen, box) if obstacles else ():
             draw_lines(ax, points, lines, float(np.max(box[1] - box[0])))
-        places = np.concatenate(seen.nodes(result))
     remarks = [f"{v.name} is open" for v in result if not np.any(v.status != OPEN)]
     if obstacles:
         unknown = [tool.name for tool in tools(result) if not len(tool.outline(*box)[1])]
@@ -182,7 +176,7 @@ def plot_deformed(
         ax.set(aspect="equal", xlim=(left, right), ylim=(low, high))
         ax.set(xlabel=labelled("x", "length", words), ylabel=labelled("y", "length", words))
     if remarks:
-        note(ax, remarks, places)
+        note(ax, remarks, np.concatenate(seen.nodes(result)) @ frame[:2].T)
     shrink = 0.7 if solid else 0.85
     colour_bar(ax, image, label or colour_name(stress, component, words), shrink=shrink, pad=0.02)
     ax.set_title(seen.words)

@@ -195,14 +195,9 @@ def frame_of(viewer: Sequence[float] | Array, up: Sequence[float] | Array) -> Ar
         raise InputError(f"viewer has shape {back.shape} and up {above.shape}; {usage}")
     right = np.cross(above, back)
     if np.linalg.norm(right) <= COMPUTED * np.linalg.norm(back) * np.linalg.norm(above):
-        raise InputError(f"viewer is {shown_numbers(back)} and up {shown_numbers(above)}; {usage}")
+        raise InputError(f"viewer is {back.tolist()} and up {above.tolist()}; {usage}")
     rows = np.stack([right, np.cross(back, right), back])
     return np.asarray(rows / np.linalg.norm(rows, axis=1)[:, None])
-
-
-def shown_numbers(vector: Array) -> str:
-    """A vector in words."""
-    return str(tuple(vector.tolist()))
 
 
 def picture(
