@@ -156,7 +156,7 @@ class Tangent:
 
     @cached_property
     def bolts(self) -> Tightness | None:
-        """What bolts do in the step; None without any."""
+        """The bolts of the step; None if there are none."""
         answer = self.answer
         held, bolts = answer.case.bolts, answer.bolts
         if bolts is None or held is None or held.kept is None or not bolts.names:
