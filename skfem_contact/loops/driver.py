@@ -99,7 +99,7 @@ class Options:
 
     @classmethod
     def accurate(cls) -> Options:
-        """Return options for accurate finite sliding, to compare answers: pairings to 1e-8 of the force.
+        """Return options for accurate finite sliding, to compare answers: pairings to 1e-8.
 
         Errors stay those of the mesh, forces move in the sixth digit, at up to twice the time
         (docs/checks/trade.md, docs/checks/performance.md). Nothing changes with small sliding, see
