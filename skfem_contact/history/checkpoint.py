@@ -83,7 +83,7 @@ class SavedState:
 
     @property
     def bolt_names(self) -> tuple[str, ...]:
-        """Of the bolts."""
+        """Names of the bolts."""
         return tuple(self.tightness)
 
 

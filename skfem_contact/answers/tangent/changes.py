@@ -36,7 +36,7 @@ KINDS = "friction", *LOADS, *GAPS, "motion", *BOLTS
 
 
 class Parameter:
-    r"""What an answer is differentiated by: one number, or a field of them.
+    r"""A parameter by which answers are differentiated: one number, or a field of them.
 
     Parameters
     ----------

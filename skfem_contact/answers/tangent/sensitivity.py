@@ -69,18 +69,18 @@ class Sensitivity:
 
     @property
     def dissipation(self) -> float:
-        """Of the energy that friction takes in the step [energy over the parameter]."""
+        """The derivative of the energy lost by friction in the step [energy over the parameter]."""
         check_lost(self._rates.tangent)
         return self._sign * float(self._rates.values["lost"].sum())
 
     @property
     def u(self) -> Array:
-        """Of the displacements of all bodies, shape (n,)."""
+        """The derivatives of the displacements of all bodies, shape (n,)."""
         return self._sign * self._rates.u / self._answer.system.units
 
     @property
     def bolts(self) -> dict[str, BoltRates]:
-        """Of the forces and stretches of bolts, by name."""
+        """The derivatives of the forces and stretches of bolts, by name."""
         rates, names = self._rates, self._answer.bolt_names
         if not names:
             return {}
@@ -88,11 +88,11 @@ class Sensitivity:
         return {name: BoltRates(*own) for name, own in zip(names, known.tolist(), strict=True)}
 
     def displacement(self, body: Any) -> Array:
-        """Of the displacements of one body, shape (n_body,)."""
+        """Return the derivatives of the displacements of one body, shape (n_body,)."""
         return self.u[self._answer.system.slice(body)]
 
     def of(self, quantity: str, contact: Any = None) -> Array:
-        """Of a quantity of a contact, as its values have it.
+        """Return the derivatives of a quantity of a contact, in the shape of its values.
 
         Parameters
         ----------
@@ -111,12 +111,14 @@ class Sensitivity:
             return np.asarray(found.sum(axis=0))
         return np.asarray(found if quantity in ("slip", "tangential_force") else found[:, 0])
 
-    gap: Array = _its("gap", "Of the gaps of the only contact, (m,).")
-    normal_force: Array = _its("normal_force", "Of the normal forces, (m,).")
-    pressure: Array = _its("pressure", "Of the pressures, (m,).")
-    slip: Array = _its("slip", "Of the slips, (m, d-1).")
-    tangential_force: Array = _its("tangential_force", "Of the friction on the secondary, (m, d-1).")
-    force: Array = _its("force", "Of the resultant on the secondary, (d,).")
+    gap: Array = _its("gap", "The derivatives of the gaps of the only contact, (m,).")
+    normal_force: Array = _its("normal_force", "The derivatives of the normal forces, (m,).")
+    pressure: Array = _its("pressure", "The derivatives of the pressures, (m,).")
+    slip: Array = _its("slip", "The derivatives of the slips, (m, d-1).")
+    tangential_force: Array = _its(
+        "tangential_force", "The derivatives of the friction forces, (m, d-1)."
+    )
+    force: Array = _its("force", "The derivatives of the resultant on the secondary, (d,).")
 
     def dot(self, weights: Mapping[str, Any]) -> float:
         """Derivative of a function of the result, given as for `ContactSolver.gradient`."""
