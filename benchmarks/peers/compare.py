@@ -2,13 +2,15 @@
 
     python benchmarks/peers/compare.py [--only CASE ...] [--peers NAME ...] [--rounds N] [--write]
 
-Each job is a process of its own on one thread, and those of a case are interleaved. CPU seconds are those
-of the whole process, from its start to its end, with what it reads and imports; the least of the rounds.
-Each peer writes only its displacements. What they are worth is found here, alike for all, from scikit-fem's
-stiffness `K u`: the residual in the interior, which says that elements and material are the same; the
-forces of the contact, which over the areas of the nodes give pressure and friction; the overlap.
-A peer that is not installed is left out. How each is installed stands at the head of its script;
-`PEER_PYTHON` is the interpreter of those from the Python index, `GETFEM_PYTHON` that of GetFEM.
+Each job is a process of its own on one thread, and those of a case are interleaved. CPU seconds are
+those of the whole process, with what it imports and reads; the least of the rounds. Each peer writes
+only its displacements. What they are worth is found here, alike for all, from the forces `K u` of
+scikit-fem's stiffness: those in the interior say whether elements and material are the same; those of
+the contact, over the areas of its nodes, are pressure and friction. *Overlap* is how deep the deepest
+node of the upper face is in the other one.
+
+How each peer is installed stands at the head of its script. `PEER_PYTHON` is the interpreter of those
+from the Python index, `GETFEM_PYTHON` that of GetFEM. One that is not there is a row that says so.
 """
 
 from __future__ import annotations
@@ -58,8 +60,19 @@ PEERS = [
     Peer("Kratos, multigrid", "kratos.py", ("press",)),
     Peer("Kratos", "kratos.py", ("rub",)),
     Peer("CalculiX, mortar", "calculix.py", ("press", "rub"), sys.executable),
-    Peer("CalculiX, penalty", "calculix.py", ("press", "rub"), sys.executable, (("CCX_CONTACT", "PENALTY"),)),
-    Peer("GetFEM", "getfem_bricks.py", ("press", "rub"), os.environ.get("GETFEM_PYTHON", "/usr/bin/python3")),
+    Peer(
+        "CalculiX, penalty",
+        "calculix.py",
+        ("press", "rub"),
+        sys.executable,
+        (("CCX_CONTACT", "PENALTY"),),
+    ),
+    Peer(
+        "GetFEM",
+        "getfem_bricks.py",
+        ("press", "rub"),
+        os.environ.get("GETFEM_PYTHON", "/usr/bin/python3"),
+    ),
     Peer("FElupe, penalty", "felupe_plane.py", ("rigid",)),
     Peer("SfePy, penalty", "sfepy_contact.py", ("press",)),
 ]
@@ -148,11 +161,15 @@ def line_errors(case: Scene, verdict: Verdict) -> dict[str, float]:
     weight = np.sqrt(face_areas(body))
     out = {"force": float("nan"), "P": float(P), "Q": float(Q)}
     exact = hertz.pressure(x)
-    out["pressure"] = float(np.linalg.norm(weight * (verdict.traction[:, 1] - exact)) / np.linalg.norm(weight * exact))
+    out["pressure"] = float(
+        np.linalg.norm(weight * (verdict.traction[:, 1] - exact)) / np.linalg.norm(weight * exact)
+    )
     out["largest"] = float(verdict.traction[:, 1].max() / exact.max() - 1)
     if abs(Q) <= case.mu * P:
         q = cattaneo_mindlin(hertz, case.mu, float(Q)).traction(x)
-        out["friction"] = float(np.linalg.norm(weight * (-verdict.traction[:, 0] - q)) / np.linalg.norm(weight * q))
+        out["friction"] = float(
+            np.linalg.norm(weight * (-verdict.traction[:, 0] - q)) / np.linalg.norm(weight * q)
+        )
     return out
 
 
@@ -173,7 +190,11 @@ def job(peer: Peer, name: str, folder: str) -> dict[str, Any]:
     with log.open("w") as to:
         begin = time.monotonic()
         process = subprocess.Popen(
-            [peer.python, str(HERE / peer.script), name, str(out)], stdout=to, stderr=to, env=environment, cwd=folder
+            [peer.python, str(HERE / peer.script), name, str(out)],
+            stdout=to,
+            stderr=to,
+            env=environment,
+            cwd=folder,
         )
         _, status, used = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
@@ -181,8 +202,12 @@ def job(peer: Peer, name: str, folder: str) -> dict[str, Any]:
     if process.returncode or not out.with_suffix(".npy").exists():
         said = log.read_text(errors="replace").strip().splitlines()
         return {"failed": said[-1] if said else f"ended with {process.returncode}"}
-    done = {"seconds": used.ru_utime + used.ru_stime, "wall": wall, "memory": used.ru_maxrss / 1024}
-    return done | json.loads(out.with_suffix(".json").read_text()) | {"u": np.load(out.with_suffix(".npy"))}
+    done = {"seconds": used.ru_utime + used.ru_stime, "wall": wall}
+    return (
+        done
+        | json.loads(out.with_suffix(".json").read_text())
+        | {"u": np.load(out.with_suffix(".npy"))}
+    )
 
 
 def measured(name: str, peers: list[Peer], rounds: int) -> list[dict[str, Any]]:
@@ -199,16 +224,30 @@ def measured(name: str, peers: list[Peer], rounds: int) -> list[dict[str, Any]]:
             for peer in chosen:
                 done[peer.name].append(job(peer, name, folder))
                 last = done[peer.name][-1]
-                print(f"  {name:10s} {peer.name:20s} {last.get('failed') or round(last['seconds'], 2)}", flush=True)
+                print(
+                    f"  {name:10s} {peer.name:20s} {last.get('failed') or round(last['seconds'], 2)}",
+                    flush=True,
+                )
     rows = []
     for peer in chosen:
         good = [run for run in done[peer.name] if "failed" not in run]
-        row: dict[str, Any] = {"case": f"{name}, {peer.name}", "dofs": case.size * case.dim, "rounds": rounds}
+        row: dict[str, Any] = {
+            "case": f"{name}, {peer.name}",
+            "dofs": case.size * case.dim,
+            "rounds": rounds,
+        }
         if good:
             best = min(good, key=lambda run: run["seconds"])
             verdict = judged(case, best.pop("u"))
-            row |= best | {"errors": errors(name, verdict, fine), "largest wall": max(g["wall"] for g in good)}
-            row |= {"residual": verdict.residual, "overlap": verdict.overlap, "forces": verdict.force.tolist()}
+            row |= best | {
+                "errors": errors(name, verdict, fine),
+                "largest wall": max(g["wall"] for g in good),
+            }
+            row |= {
+                "residual": verdict.residual,
+                "overlap": verdict.overlap,
+                "forces": verdict.force.tolist(),
+            }
         else:
             row |= done[peer.name][-1]
         rows.append(row | {"machine": machine()})
@@ -219,20 +258,36 @@ def percent(value: float | None) -> str:
     return "-" if value is None or np.isnan(value) else f"{100 * value:.2f} %"
 
 
+HEADS = (
+    *("case", "DOFs", "code", "version", "CPU, s", "memory, MB", "iterations"),
+    *("force", "pressure", "its largest", "friction", "residual", "overlap"),
+)
+
+
 def table(rows: list[dict[str, Any]]) -> str:
     """The table in Markdown."""
-    heads = "case, DOFs, code, version, CPU s, memory MB, iterations, force, pressure, its largest, friction, residual, overlap"
-    lines = ["| " + " | ".join(heads.split(", ")) + " |", "|" + " --- |" * len(heads.split(", "))]
+    lines = ["| " + " | ".join(HEADS) + " |", "|" + " --- |" * len(HEADS)]
     for row in rows:
         case, code = row["case"].split(", ", 1)
         cells = [case, f"{row['dofs']:,}", code]
         if "failed" in row:
-            lines.append("| " + " | ".join([*cells, f"failed: {row['failed']}"]) + " |" * 10)
+            lines.append(
+                "| " + " | ".join([*cells, f"failed: {row['failed']}"]) + " |" * (len(HEADS) - 3)
+            )
             continue
         off = row["errors"]
-        cells += [row["version"], f"{row['seconds']:.2f}", f"{row['memory']:.0f}", str(row["iterations"])]
+        cells += [
+            row["version"],
+            f"{row['seconds']:.2f}",
+            f"{row['memory']:.0f}",
+            str(row["iterations"]),
+        ]
         cells += [percent(off.get(key)) for key in ("force", "pressure", "largest", "friction")]
-        lines.append("| " + " | ".join([*cells, f"{row['residual']:.0e}", f"{100 * row['overlap']:.2f} %"]) + " |")
+        lines.append(
+            "| "
+            + " | ".join([*cells, f"{row['residual']:.0e}", f"{100 * row['overlap']:.2f} %"])
+            + " |"
+        )
     return "\n".join(lines)
 
 

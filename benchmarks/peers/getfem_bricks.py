@@ -4,8 +4,8 @@
     python3 getfem_bricks.py CASE FILE
 
 Its brick of contact between meshes in integral form, multipliers on the upper face. The augmentation
-parameter is the user's. Linear systems: MUMPS. Its nodal brick has friction without a history; that, Nitsche's
-method, large sliding, dynamics and self-contact are not compared.
+parameter is the user's. Linear systems: MUMPS. Its nodal brick has friction without a history; that,
+Nitsche's method, large sliding, dynamics and self-contact are not compared.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import getfem as gf
 import numpy as np
 from scene import NU, Body, E, Scene, run
 
-AUGMENT = 10 * E  # near the modulus, says its manual; 1 to 100 take the same iterations
+AUGMENT = 10 * E  # near the modulus, says its manual
 FACE, HELD = 1, 2
 VARIANT = 1  # of the augmented Lagrangian: unsymmetric, of Alart and Curnier
 RESIDUAL, ITERATIONS = 1e-10, 100
@@ -78,7 +78,10 @@ def solve(scene: Scene) -> tuple[np.ndarray, dict[str, Any]]:
         order, wanted = np.lexsort(where.T.round(12)), np.lexsort(scene.bodies[i].points.T.round(12))
         part = model.variable(f"u{i}").reshape(-1, scene.dim)
         u[scene.first(i) + wanted] = part[order]
-    return u, {"version": gf.getfem_env("version") if hasattr(gf, "getfem_env") else "5.4", "iterations": count}
+    return u, {
+        "version": gf.getfem_env("version") if hasattr(gf, "getfem_env") else "5.4",
+        "iterations": count,
+    }
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
 """Meshes, material and motion that `compare.py` gives to this library and to its peers.
 
 Only NumPy is needed, since peers bring interpreters of their own. Elements have the order of nodes of
-VTK, Abaqus and CalculiX: the lower face around, then the upper one.
+VTK and Abaqus: the lower face around, then the upper one.
 
-`press` (solid): a block of side 1 and height .5, held below; on it a block of side .8 with a slightly round
-lower face, whose top comes down in one step, without friction.
+`press` (solid): a block of side 1 and height .5, held below; on it a block of side .8 with a slightly
+round lower face, whose top comes down in one step, without friction.
 `rub` (plane strain): two blocks of 80 by 20, the upper one round below. Its top comes down in ten
 steps, then moves aside in ten: the outer part of the contact slips.
 `rigid` (solid): the round block of `press` alone, its top lowered onto a rigid plane.
@@ -23,7 +23,7 @@ import numpy as np
 
 E, NU = 1.0, 0.3
 SIDES, HEIGHT, RADIUS, DEPTH = (1.0, 0.8), 0.5, 20.0, 5e-3  # press, as in solids.py
-# rub, in half widths of contact: half the width, the height, the fine zone, and where the face is flat again.
+# rub, in half widths of contact: half the width, height, fine zone, where the face is flat again
 HALF, HIGH, FINE, FLAT, R = 40.0, 20.0, 1.5, 3.0, 100.0
 MU, STEPS = 0.3, 10  # steps down, and as many aside
 DOWN = 2 * np.log(2 * HIGH) / (4 * R)  # the approach of two layers for a half width of one
@@ -93,7 +93,10 @@ def press(block: int, punch: int, layers: int, *, alone: bool = False) -> Scene:
 
     across = [np.linspace(-s / 2, s / 2, n + 1) for s, n in zip(SIDES, (block, punch), strict=True)]
     up = np.linspace(0, HEIGHT, layers + 1)
-    bodies = grid_body([across[0]] * 2 + [up - HEIGHT], False, lift), grid_body([across[1]] * 2 + [up], True, lift)
+    bodies = (
+        grid_body([across[0]] * 2 + [up - HEIGHT], False, lift),
+        grid_body([across[1]] * 2 + [up], True, lift),
+    )
     return Scene(bodies[alone:], 0.0, np.array([[0.0, 0.0, -DEPTH]]))
 
 
@@ -131,8 +134,11 @@ def scene(name: str) -> Scene:
 
 
 def run(solve: Callable[[Scene], tuple[np.ndarray, dict[str, Any]]]) -> None:
-    """`python PEER.py CASE FILE`: solve a case; write the displacements (nodes, dim) and what is to be said."""
+    """`python PEER.py CASE FILE`: solve a case, write displacements (nodes, dim) and what is said."""
     _, name, path = sys.argv
     u, said = solve(scene(name))
+    # of this process alone: `ru_maxrss` would count the process that it was forked from
+    peak = next(line for line in Path("/proc/self/status").read_text().splitlines() if "VmHWM" in line)
+    said.setdefault("memory", int(peak.split()[1]) / 1024)
     np.save(Path(path).with_suffix(".npy"), u)
     Path(path).with_suffix(".json").write_text(json.dumps(said), encoding="utf-8")
