@@ -8,7 +8,8 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -604,7 +605,9 @@ class ContactSolver(Variants):
                 f"steps is {shown(steps)}, not a list of load steps; for a single one write [step]"
             )
         # of a generator it is not known, nor of what is refused where it is read
-        yielded, total = PartialResults(), len(steps) if isinstance(steps, Sized) else None
+        yielded, total = PartialResults(), None
+        with suppress(TypeError):
+            total = len(steps)  # type: ignore[arg-type]
         self._expect(math.inf if total is None else total)
         shown_as = None
         if progress:
