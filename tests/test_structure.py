@@ -230,7 +230,6 @@ print(*[name.removeprefix("skfem_contact.") for name in sys.modules])
         "obstacles.shapes",
         "obstacles.triangles",
         "output",
-        "pairing.face_segmentation",
         "problem.iterated",
         "problem.sparse",
         "reference",

@@ -11,11 +11,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skfem_contact.answers.newton import Newton
-from skfem_contact.answers.placed import Placed, point_forces
+from skfem_contact.answers.placed import Newton, Placed, point_forces
 from skfem_contact.answers.validity.validity import Diagnostics
+from skfem_contact.arrays import Array
 from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.boundaries import boundary_dofs
@@ -35,8 +34,6 @@ from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.response import Conditions
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal, sealed
-
-Array = NDArray[np.float64]
 
 
 @dataclass(eq=False)
@@ -168,11 +165,16 @@ class Answer:
         """Return how the displacements changed last, of bodies that are not linear; see `Placed`."""
         return np.zeros(self.system.n) if self.placed is None else self.placed.trend
 
+    @property
+    def load(self) -> Array:
+        """Return the load on all bodies, that of fluids on the deformed boundary, (n,) [force]."""
+        return self.case.f if self.placed is None else self.case.f + self.placed.beyond
+
     @cached_property
     def internal(self) -> Array:
         """Internal forces of all bodies, (n,) [force]: ``K u`` of linear ones."""
         if self.placed is not None:
-            return self.placed.internal
+            return self.placed.internal + self.placed.beyond
         parts = [
             K @ self.u[self.system.slice(body)]
             for body, K in zip(self.system.bodies, self.stiffness, strict=True)
@@ -273,7 +275,7 @@ def reaction(answer: Answer, body: Member | str, boundary: str | None) -> Array:
             f"body {name!r} has no prescribed DOFs{place}, so no support pushes there. Forces of a "
             "contact are in result[contact].force."
         )
-    residual = answer.internal[span] - answer.case.f[span]
+    residual = answer.internal[span] - answer.load[span]
     residual -= contact_forces(answer)[span]
     if not isinstance(own, Body):  # force and moment: rotations are lengths in the system, see `scale`
         supports = np.zeros(own.n)

@@ -19,6 +19,8 @@ from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm, CellBasis
 
 from skfem_contact.arguments import check_name, known_keywords, with_known_keywords
+from skfem_contact.arrays import Array
+from skfem_contact.bodies.assembly import Moduli, mean_moduli, moduli
 from skfem_contact.bodies.boundaries import displacements, tractions
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.inputs import (
@@ -38,18 +40,15 @@ from skfem_contact.bodies.inputs import (
 )
 from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.bodies.member import Meshed
-from skfem_contact.bodies.moduli import Moduli, mean_moduli, moduli
-from skfem_contact.bodies.pieces import pieces
 from skfem_contact.bodies.quadrature import volume
 from skfem_contact.bodies.rigid_modes import motion_names, rigid_modes
+from skfem_contact.bodies.selection import pieces
 from skfem_contact.bodies.surface import ContactSurface, extract_surface
 from skfem_contact.carried import can_be_carried, carried
 from skfem_contact.errors import InputError
 from skfem_contact.materials.elastic import Elastic
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal
-
-Array = NDArray[np.float64]
 
 
 @with_known_keywords(

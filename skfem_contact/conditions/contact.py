@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import KW_ONLY, dataclass
-from typing import Any, Literal
+from dataclasses import KW_ONLY
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,9 +26,10 @@ from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import RigidBody
+from skfem_contact.records import dataclass
 from skfem_contact.sealed import kept
 
-Field = ArrayLike | Callable[[Array], ArrayLike]
+Field: TypeAlias = "ArrayLike | Callable[[Array], ArrayLike]"
 
 
 NO_SLIP = (

@@ -16,13 +16,11 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.digits import COMPUTED, DECIMALS, SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.motion import MotionLike
-from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.pairing.control import at_control_points
+from skfem_contact.obstacles.obstacle import MotionLike, Obstacle
 from skfem_contact.pairing.corners import Names, corner_contacts
 from skfem_contact.pairing.frames import loaded_frames
 from skfem_contact.pairing.mortar import dual_mortar
-from skfem_contact.pairing.node import Pairing, gap_vectors, node_to_segment
+from skfem_contact.pairing.node import Pairing, at_control_points, gap_vectors, node_to_segment
 from skfem_contact.pairing.supports import along_supports, held_tangents
 from skfem_contact.pairing.vectors import entries
 

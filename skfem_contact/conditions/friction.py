@@ -23,7 +23,7 @@ takes): where friction is Coulomb's the volume is ``k / mu`` times that energy, 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY
 from functools import cached_property, partial
 from typing import Any, NamedTuple, Protocol
 
@@ -34,6 +34,7 @@ from skfem_contact.arguments import PrintedAsCall, number, numbers, shown, take,
 from skfem_contact.arrays import Array, Mask, lengths
 from skfem_contact.conditions.thresholds import AGREE, DIFFERENCE
 from skfem_contact.errors import InputError
+from skfem_contact.records import dataclass
 from skfem_contact.sealed import kept, sealed
 
 #: Why a bound is not negative, and what to do where nothing is to slip.

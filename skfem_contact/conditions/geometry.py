@@ -47,7 +47,7 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN, Identity, LocalState, transport
-from skfem_contact.obstacles.motion import spin
+from skfem_contact.obstacles.obstacle import spin
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.pairing.node import Pairing
 

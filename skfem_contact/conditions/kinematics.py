@@ -41,8 +41,7 @@ from skfem_contact.conditions.rows import (
 )
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.control import gap_weights
-from skfem_contact.pairing.node import Pairing, gap_vectors
+from skfem_contact.pairing.node import Pairing, gap_vectors, gap_weights
 from skfem_contact.pairing.supports import can_move
 from skfem_contact.pairing.vectors import entries
 from skfem_contact.records import dataclass

@@ -25,7 +25,7 @@ R. Michalowski, Z. Mroz, Arch. Mech. 30 (1978) 259-276: ellipse and associated r
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -41,6 +41,7 @@ from skfem_contact.conditions.thresholds import NO_PROJECTION, SMOOTHEST
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.node import Pairing
+from skfem_contact.records import dataclass
 from skfem_contact.sealed import kept, sealed
 
 COEFFICIENTS = "OrthotropicCoulomb: mu"

@@ -83,7 +83,7 @@ class SavedState:
 
     @property
     def bolt_names(self) -> tuple[str, ...]:
-        """Of the bolts."""
+        """Names of the bolts."""
         return tuple(self.tightness)
 
 
@@ -106,7 +106,7 @@ def save_state(path: str | Path, result: Answer | SavedState) -> Path:
     data["dissipation_by_contact"] = result.dissipation_by_contact
     data |= {f"identity_{name}": value for name, value in result.identity.as_arrays().items()}
     data |= {"converged": result.converged, "message": result.message}
-    data |= _materials(result)
+    data |= _materials(result) | {f"fluid_{i}": value for i, value in case.fluid.items()}
     _write(path, data)
     if not result.converged:
         warn(
@@ -206,6 +206,7 @@ def _state(path: Path, data: dict[str, Any], identity: Identity) -> SavedState:
         own=tuple(map(bool, data["case_own"])),
         scale=(scale[0], scale[1]),
         factor=scale[2],
+        fluid={int(key[6:]): data[key] for key in data if key.startswith("fluid_")},
     )
     lost = data["dissipation_before"], data["dissipation_by_contact"]
     converged, message = bool(data["converged"]), str(data["message"])

@@ -25,7 +25,7 @@ from skfem_contact.history.grip import Grip
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.stepping import advance
-from skfem_contact.pairing.vertices import Corners
+from skfem_contact.pairing.corners import Corners
 from skfem_contact.problem.model import EVEN_CLOSED, LinearModel
 from skfem_contact.records import dataclass
 
@@ -128,6 +128,11 @@ class EquilibriumSearch:
     rest: Rest | None = None
     refuted: Array | None = None
     grip: Grip | None = None
+
+    @property
+    def last(self) -> EquilibriumSearch:
+        """Itself: of bodies that are not linear there are many."""
+        return self
 
     @property
     def settled(self) -> Rest | None:

@@ -24,7 +24,7 @@ from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import point_slices
 from skfem_contact.conditions.loads import BoltLoads, LoadCase, Motion
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.motion import read_motion
+from skfem_contact.obstacles.obstacle import read_motion
 from skfem_contact.obstacles.rigid_body import RigidBody
 
 KEYS = ("f", "x", "interference", "motion", "bolt")
@@ -40,10 +40,12 @@ class StepReader:
         names: tuple[str, ...],
         geometry: Geometry,
         own_f: Array,
+        own_fluid: Mapping[int, Array],
         bolts: tuple[str, ...] = (),
     ) -> None:
         self.system, self.contacts, self.names, self.bolts = system, contacts, names, bolts
         self.kin, self._own, self.own_f = geometry.kin, geometry.interference, own_f
+        self.own_fluid = own_fluid
         self._spans = slices(system.offsets)  # DOFs of each body
         self.point_slices = point_slices(contacts)
         d = self.kin.points.shape[1]
@@ -53,7 +55,8 @@ class StepReader:
         """The bodies' own loads and the contacts' own interference."""
         own = self._placed(np.concatenate(self._own), self._still)
         ours = (True,) * len(self.contacts)
-        return copied(own, f=self.own_f, x=self.system.x, own=ours, scale=(1.0, 1.0), factor=1.0)
+        loads = {"f": self.own_f, "x": self.system.x, "fluid": self.own_fluid}
+        return copied(own, **loads, own=ours, scale=(1.0, 1.0), factor=1.0)
 
     def unloaded(self) -> LoadCase:
         """No load, no prescribed displacement, no interference: where a history begins."""
@@ -84,6 +87,7 @@ class StepReader:
             own=tuple(own),
             scale=start.scale,
             factor=start.factor,
+            fluid=start.fluid if f is None else self._times(f),
         )
 
     def other_interference(self, start: LoadCase) -> str:
@@ -132,6 +136,7 @@ class StepReader:
                 scale=(before.scale[0] if f is None else None, before.scale[1] if x is None else None),
                 factor=None,
                 bolts=self._tightened(step.get("bolt")),
+                fluid=self._fluid(f, before.fluid),
             )
         try:
             factor = number(step, "a load step", "")
@@ -149,7 +154,28 @@ class StepReader:
                 "an interference is not scaled by a number, write {'interference': {...}}."
             )
         f, x = factor * self.own_f, factor * self.system.x
-        return copied(before, f=f, x=x, scale=(factor, factor), factor=factor, bolts=None)
+        fluid = self._times(factor)
+        return copied(before, f=f, x=x, scale=(factor, factor), factor=factor, bolts=None, fluid=fluid)
+
+    def _times(self, factor: float) -> dict[int, Array]:
+        """A multiple of the bodies' own pressures."""
+        return {i: factor * own for i, own in self.own_fluid.items()}
+
+    def _fluid(self, given: Any, before: Mapping[int, Array]) -> Mapping[int, Array]:
+        """The pressures of fluids after a step that names loads, which have been read."""
+        if given is None or not isinstance(given, Mapping):
+            return before if given is None else {}
+        fluid = dict(before)
+        for name, value in given.items():
+            i = self.system.index(name)
+            fluid.pop(i, None)
+            if isinstance(value, Mapping):
+                pressures = self.system.bodies[i].fluid(value)
+            else:  # a factor on the body's own, or a vector
+                pressures = self._times(value).get(i) if np.ndim(value) == 0 else None
+            if pressures is not None:
+                fluid[i] = pressures
+        return fluid
 
     def vector(self, what: str, given: Any, before: Array, own: Array) -> Array:
         """A stacked vector from a dict by body name, a stacked vector, or None."""

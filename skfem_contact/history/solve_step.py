@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.newton import Newton
-from skfem_contact.answers.placed import Placed
+from skfem_contact.answers.placed import Newton, Placed
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.validity.validity import Issued
 from skfem_contact.answers.validity.watch import Watch
@@ -128,7 +127,7 @@ class StepSolver(ByFields):
         result = self._answer(found, verdict, time.perf_counter() - begin)
         arrived = verdict.arrived
         if arrived:
-            leaning = second_order(found.advance.attempt) if found.settled is None else {}
+            leaning = second_order(found.advance.attempt) if found.last.settled is None else {}
             self.watch.look(result, issued, leaning)
             _tell(result, getattr(found, "remarks", {}))
         if arrived or not throw:
@@ -246,7 +245,7 @@ class StepSolver(ByFields):
             conditions=attempt.outcome.iterate.conditions,
             factor=found.step.target.factor,
             linear=model.choice.said,
-            indifferent=_places(found, self.stepper.model.interface),
+            indifferent=_places(found.last, self.stepper.model.interface),
             before=attempt.start,
             parts=way.substeps,
             springs=attempt.problem.springs is not None,
@@ -256,7 +255,7 @@ class StepSolver(ByFields):
         )
 
 
-def _places(found: EquilibriumSearch | NonlinearSearch, interface: Interface) -> tuple[str, ...]:
+def _places(found: EquilibriumSearch, interface: Interface) -> tuple[str, ...]:
     """Return what is to be said of bodies that may stand elsewhere."""
     rest, grip = found.settled, found.grip
     if rest is not None and rest.free.shape[1]:

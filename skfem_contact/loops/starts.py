@@ -20,7 +20,7 @@ is: these have no state nearby.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -49,6 +49,7 @@ from skfem_contact.loops.thresholds import (
 )
 from skfem_contact.problem.response import Load, Resistance
 from skfem_contact.problem.seam import ContactProblem
+from skfem_contact.records import dataclass
 
 # Where an attempt at a load step begins, in this order.
 STARTS = ("warm", "cold", "newton", "pivoting", "pulled", "proximal")

@@ -27,15 +27,12 @@ from skfem_contact.answers.validity.support import (
 )
 from skfem_contact.answers.validity.track import Track, off_arc, tool_motion
 from skfem_contact.answers.validity.validity import Drift
-from skfem_contact.arrays import largest
+from skfem_contact.arrays import Array, Index, largest
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.obstacles.obstacle import Obstacle
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class ContactWatch:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import NO_APPROACH, SUPPORTED
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member, Meshed
 from skfem_contact.bodies.surface import ContactSurface
@@ -17,10 +18,6 @@ from skfem_contact.bodies.system import System
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,16 +131,12 @@ def off_rigid(supports: Mapping[str, Support], u: Array) -> dict[str, float]:
 
 def unit_motions(points: Array, centre: Array, arm: float) -> Array:
     """Displacements (m, d, r) of points by translations and turns, of order one."""
-    if points.shape[1] == 3:
-        modes = np.zeros((len(points), 3, 6))
-        modes[:, :, :3] = np.eye(3)
-        arms = np.broadcast_to((points - centre)[:, None] / arm, (len(points), 3, 3))
-        modes[:, :, 3:] = np.swapaxes(np.cross(np.eye(3), arms), 1, 2)
-        return modes
-    modes = np.zeros((len(points), 2, 3))
-    modes[:, 0, 0] = modes[:, 1, 1] = 1.0
-    x = (points - centre) / arm
-    modes[:, 0, 2], modes[:, 1, 2] = -x[:, 1], x[:, 0]
+    d, away = points.shape[1], (points - centre) / arm
+    planes = [(0, 1)] if d == 2 else [(1, 2), (2, 0), (0, 1)]
+    modes = np.zeros((len(points), d, d + len(planes)))
+    modes[:, :, :d] = np.eye(d)
+    for turn, (i, j) in enumerate(planes, start=d):
+        modes[:, i, turn], modes[:, j, turn] = -away[:, j], away[:, i]
     return modes
 
 

@@ -8,25 +8,21 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import A_TENTH, PRESSED, SUSPECTED
 from skfem_contact.answers.validity.assess import Assessment
 from skfem_contact.answers.validity.contact_watch import ContactWatch
-from skfem_contact.answers.validity.locking import lockable, may_lock
 from skfem_contact.answers.validity.overlaps import Overlaps
-from skfem_contact.answers.validity.strain import leaning, rigid_rotations
+from skfem_contact.answers.validity.strain import leaning, lockable, may_lock, rigid_rotations
 from skfem_contact.answers.validity.support import Support, motions_of, off_rigid, supports_of
 from skfem_contact.answers.validity.validity import Diagnostics, Issued
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import warn
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 ONCE = " (Said once in a history, at the first step beyond the bound; result.validity has the numbers.)"
 
