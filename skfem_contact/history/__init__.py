@@ -1,6 +1,6 @@
 """The way through loads: steps, cuts, states, results.
 
-* `read`: the user's step as loads;
+* `read`: the user's step as loads, and results of a history that ended early;
 * `load_step`: from where to where, one attempt, how far it has come, what friction took, and the
   displacements when asked for;
 * `stepper`, `stepping`: one attempt; with the pairing and the wear of its own answer, and in
@@ -11,7 +11,7 @@
   why there is none;
 * `solve_step`: from a load case to a result;
 * `gradients`: derivatives of histories; `damping`: histories along the inertia forces of a mode;
-* `checkpoint`: states on disk, and results of a history that ended early;
+* `checkpoint`: states on disk;
 * `solver`: what a solver is made of, other solvers that are made of it, and load steps: what users
   hold; `dry_run`: what it says before it solves, and while;
 * `thresholds`: numbers, and where they come from.

@@ -1,9 +1,9 @@
 """The nonlinear iterations: which points are open, stick and slip.
 
 * `step`: what loops are given and return;
-* `complementarity`: how points change, where supports prescribe slips too, and how far a state is off;
-* `active_set`: the loops, how far they go at a time, the linear conditions of an
-  iteration, and the points that hold a body in it;
+* `complementarity`: how points change, where supports prescribe slips too, how far a state is off, and
+  how far to go at a time;
+* `active_set`: the loops, the linear conditions of an iteration, and the points that hold a body in it;
 * `multipliers`: springs that lose their strain, where forces are not unique;
 * `driver`: the loops by name and limits, and what counts, logs and stops them;
 * `starts`, `lemke`, `pulled`: where iterations begin, and what is carried at most;

@@ -109,6 +109,12 @@ class Support:
         return bool(np.max(np.abs(moved), initial=0.0) < SUPPORTED)
 
 
+def supports_of(system: System) -> list[Support]:
+    """The support of every body, by its prescribed DOFs."""
+    bodies = zip(system.bodies, system.offsets[:-1], strict=True)
+    return [Support.of(body, int(start), arm=system.extent) for body, start in bodies]
+
+
 def motions_of(supports: Sequence[Support], x: Array) -> list[Array]:
     """The motion of each of several bodies under prescribed values x (n,), (r,) each."""
     return [support.motion(x) for support in supports]

@@ -15,7 +15,7 @@ from skfem_contact.answers.validity.assess import Assessment
 from skfem_contact.answers.validity.contact_watch import ContactWatch
 from skfem_contact.answers.validity.overlaps import Overlaps
 from skfem_contact.answers.validity.strain import leaning, lockable, may_lock, rigid_rotations
-from skfem_contact.answers.validity.support import Support, motions_of, off_rigid
+from skfem_contact.answers.validity.support import Support, motions_of, off_rigid, supports_of
 from skfem_contact.answers.validity.validity import Diagnostics, Issued
 from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.surface import ContactSurface
@@ -55,8 +55,7 @@ class Watch:
         if not self.moves:  # a scalar field
             return
         self.overlaps = Overlaps(geometry, known)
-        bodies = zip(self.system.bodies, self.system.offsets[:-1], strict=True)
-        self.supports = [Support.of(b, int(start), arm=self.system.extent) for b, start in bodies]
+        self.supports = supports_of(self.system)
         self.watches = [
             ContactWatch(geometry, i, self.supports, diagonals, known)
             for i in range(len(self.contacts))

@@ -37,7 +37,7 @@ from scipy.linalg.blas import dgemm, dsyrk, dtrsm, dtrsv, strsv
 from scipy.linalg.lapack import dpotrf
 
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.dense_factors import blocks, mirror
+from skfem_contact.linalg.dense_factors import mirror
 from skfem_contact.linalg.multifrontal.fronts import (
     Fronts,
     Pattern,
@@ -48,7 +48,7 @@ from skfem_contact.linalg.multifrontal.fronts import (
 )
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.linalg.singular import NotPositiveDefinite, smallest_eigenvalue
-from skfem_contact.linalg.thresholds import LEAF, LOST, NEGLIGIBLE, SUSPICIOUS
+from skfem_contact.linalg.thresholds import LEAF, LOST, NEGLIGIBLE, ROWS_AT_ONCE, SUSPICIOUS
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -343,8 +343,8 @@ class Leftovers:
         begin = self._used[odd] if not odd else self._memory.size - self._used[odd] - b * b
         self._used[odd] += b * b
         new = self._taken[front] = self._memory[begin : begin + b * b].reshape(b, b)
-        for some in blocks(b):  # half of it, as it takes long to touch memory for the first time
-            new[some, some.start :] = 0.0
+        for k in range(0, b, ROWS_AT_ONCE):  # half of it: to touch memory for the first time takes long
+            new[k : k + ROWS_AT_ONCE, k:] = 0.0
         return new, True
 
     def give_back(self, front: int) -> None:
