@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 from collections.abc import Iterator
+from ctypes.util import find_library
 from dataclasses import replace
 from itertools import combinations
 from typing import Any
@@ -171,6 +174,23 @@ def test_bodies_are_drawn_displaced(kind: str, engine: str) -> None:
     )
     assert "magnified 10 times" in ax.get_title()
     assert_allclose(ax.figure.axes[-1].get_ylim(), [0.0, 0.01], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_without_opengl_matplotlib_draws() -> None:
+    """VTK would end the process where it finds no OpenGL: in a process of its own it is not asked."""
+    pytest.importorskip("pyvista")
+    if os.environ.get("DISPLAY") or not sys.platform.startswith("linux") or find_library("OSMesa"):
+        pytest.skip("OpenGL is there")
+    program = "from test_plot_solids import *; print(len(sc.plot_deformed(pressed('quad4')).images))"
+    there = {
+        "VTK_DEFAULT_OPENGL_WINDOW": "vtkOSOpenGLRenderWindow",
+        "PYTHONPATH": os.pathsep.join(sys.path),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=os.environ | there, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stdout) == (0, "0\n"), done.stderr
 
 
 def test_a_viewer_is_a_direction_that_up_is_not_along() -> None:
