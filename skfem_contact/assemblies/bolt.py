@@ -41,8 +41,7 @@ from skfem_contact.arguments import (
     with_known_keywords,
 )
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.pieces import pieces
-from skfem_contact.bodies.selection import written
+from skfem_contact.bodies.selection import pieces, written
 from skfem_contact.bodies.system import System
 from skfem_contact.carried import copied
 from skfem_contact.conditions.loads import BoltLoads, LoadCase

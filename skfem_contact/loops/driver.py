@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.loops.active_set import direct, fictitious, newton
 from skfem_contact.loops.step import Guess, Iterate, Record, Step
 from skfem_contact.loops.thresholds import NEWTON_ITERATIONS
+from skfem_contact.records import dataclass
 
 logger = logging.getLogger("skfem_contact")
 
