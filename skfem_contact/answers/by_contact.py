@@ -32,7 +32,7 @@ class _Its(property):
         def only(result: OfTheContact) -> Any:
             return getattr(result._only(name), name)
 
-        only.__doc__ = f"That of the only contact, see `ContactValues.{name}`."
+        only.__doc__ = f"The `{name}` of the only contact, see `ContactValues.{name}`."
         only.__annotations__["return"] = owner.__annotations__[name]
         super().__init__(only)
 
