@@ -31,7 +31,7 @@ import skfem as fem
 from scipy.interpolate import RegularGridInterpolator
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
+sys.path.insert(0, str(Path(__file__).parents[1]))
 from ours import KINDS
 from run import RESULTS, THREADS, machine, stored, write_into
 from scene import CASES, HALF, HIGH, NU, Body, E, R, Scene, scene
