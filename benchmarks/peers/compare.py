@@ -46,7 +46,7 @@ MARKS = "<!-- peers table: begin -->", "<!-- peers table: end -->"
 
 @dataclass(frozen=True)
 class Peer:
-    """How a peer is run, and on which kinds of cases."""
+    """How a peer is run, and how the names of its cases begin."""
 
     name: str
     script: str
@@ -213,7 +213,7 @@ def job(peer: Peer, name: str, folder: str) -> dict[str, Any]:
 def measured(name: str, peers: list[Peer], rounds: int) -> list[dict[str, Any]]:
     """All peers on a case, in turn."""
     kind = name.split()[0]
-    chosen = [peer for peer in peers if kind in peer.kinds]
+    chosen = [peer for peer in peers if name.startswith(peer.kinds)]
     done: dict[str, list[dict[str, Any]]] = {peer.name: [] for peer in chosen}
     case = scene(name)
     with tempfile.TemporaryDirectory() as folder:
