@@ -291,9 +291,39 @@ def table(rows: list[dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
+LEFT_OUT = ("CalculiX, penalty", "FElupe, penalty")  # what short tables leave out
+WHERE = {  # the page, and the cases of its short table by their heads
+    "docs/cost.md": {"press 24k": "press, 24 420 DOFs", "rub 7k": "friction, 20 steps, 6588 DOFs"},
+    "paper.md": {
+        "press 6k": "6,090 DOFs",
+        "press 24k": "24,420 DOFs",
+        "rub 7k": "friction, 6,588 DOFs",
+    },
+}
+
+
+def short(rows: list[dict[str, Any]], heads: dict[str, str]) -> str:
+    """A table of seconds and errors of the pressure: a row a code, a column a case."""
+    found = {row["case"]: row for row in rows if "failed" not in row}
+    lines = ["| " + " | ".join(["", *heads.values()]) + " |", "|" + " --- |" * (1 + len(heads))]
+    for code in dict.fromkeys(peer.name.removesuffix(", multigrid") for peer in PEERS):
+        if code in LEFT_OUT:
+            continue
+        cells = []
+        for name in heads:
+            row = found.get(f"{name}, {code}") or found.get(f"{name}, {code}, multigrid")
+            cells.append(
+                f"{row['seconds']:.1f} ({100 * row['errors']['pressure']:.1f} %)" if row else "-"
+            )
+        lines.append(f"| {code} | " + " | ".join(cells) + " |")
+    return "\n".join(lines).replace("|  |", "| |")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--only", nargs="*", default=COMPARED, choices=CASES, help="cases")
+    parser.add_argument(
+        "--only", nargs="*", default=COMPARED, choices=CASES, help="cases; none: write alone"
+    )
     parser.add_argument("--peers", nargs="*", help="names of peers; the rows of others stay")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--write", action="store_true", help="put the table into the documents")
@@ -301,14 +331,18 @@ def main() -> None:
     path = RESULTS / "peers.json"
     rows = stored(path)
     peers = [peer for peer in PEERS if args.peers is None or peer.name in args.peers]
+    order = [f"{case}, {peer.name}" for case in CASES for peer in PEERS]
+    record = [rows[key] for key in order if key in rows]
     for name in args.only:
         rows |= {row["case"]: row for row in measured(name, peers, args.rounds)}
-        order = [f"{case}, {peer.name}" for case in CASES for peer in PEERS]
         record = [rows[key] for key in order if key in rows]
         path.write_text(json.dumps({"rows": record}, indent=1) + "\n", encoding="utf-8")
     print(table(record))
     if args.write:
-        write_into(HERE.parents[1] / "docs" / "checks" / "performance.md", table(record), MARKS)
+        root = HERE.parents[1]
+        write_into(root / "docs" / "checks" / "performance.md", table(record), MARKS)
+        for page, heads in WHERE.items():
+            write_into(root / page, short(record, heads), MARKS)
 
 
 if __name__ == "__main__":
