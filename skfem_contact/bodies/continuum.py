@@ -16,8 +16,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.bodies.thresholds import BYTES_AT_ONCE
@@ -26,8 +26,6 @@ from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.materials.material import Material, Split, deformation, dilatation
 from skfem_contact.materials.tensors import solid
 from skfem_contact.sealed import sealed_matrix
-
-Array = NDArray[np.float64]
 
 
 class Continuum:

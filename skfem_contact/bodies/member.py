@@ -74,7 +74,7 @@ class Member(NamesAttributes, ABC):
     def rigid_mode_names(self) -> tuple[str, ...]:
         """The motions of `rigid_modes` in words."""
 
-    @property
+    @cached_property
     def rotations(self) -> np.ndarray:
         """DOFs that are rotations: angles, loaded by moments; none of a body with a mesh."""
         return np.flatnonzero(self.dof_component >= self.components)

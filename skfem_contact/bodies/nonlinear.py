@@ -7,13 +7,13 @@ from dataclasses import field
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 from skfem import ElementTetP1, ElementTriP1
 from skfem.assembly import BilinearForm, CellBasis, LinearForm
 
 from skfem_contact.arguments import check_switch, shown, with_known_keywords
-from skfem_contact.arrays import check_finite, check_size, rectangular
+from skfem_contact.arrays import Array, check_finite, check_size, rectangular
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.boundaries import boundary_dofs
 from skfem_contact.bodies.continuum import Continuum
@@ -26,8 +26,6 @@ from skfem_contact.errors import InputError, warn
 from skfem_contact.materials.material import FromFunction, Material, Split, deformation
 from skfem_contact.materials.tensors import solid
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
 
 #: Elements of first order that the mean change of volume does not help: theirs is constant.
 SIMPLICES = ElementTriP1, ElementTetP1

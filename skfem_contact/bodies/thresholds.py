@@ -65,9 +65,3 @@ FADES = 0.1
 
 # A facet with middle nodes is straight if they are no farther off than this part of its size.
 BOWED = 1e-4
-
-# -- body, facets, projection -------------------------------------
-
-# Newton steps to the nearest point of a parabola end at this change of its coordinate, of which 1 is
-# the whole facet; and the least curvature of the distance, over that of a chord, that they believe.
-NEAREST, LEAST_SLOPE = 1e-14, 0.1

@@ -8,14 +8,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skfem_contact.arrays import largest
+from skfem_contact.arrays import Array, Mask, largest
 from skfem_contact.carried import ByFields
-from skfem_contact.obstacles.motion import rotation_matrix, spin
+from skfem_contact.obstacles.obstacle import rotation_matrix, spin
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,10 +106,10 @@ class BoltLoads:
     shift: Array
     force: Array
     applied: Array | None = None
-    kept: NDArray[np.bool_] | None = None
+    kept: Mask | None = None
 
     @property
-    def given(self) -> NDArray[np.bool_]:
+    def given(self) -> Mask:
         """Bolts that have a given force, (b,)."""
         return ~np.isnan(self.force)
 

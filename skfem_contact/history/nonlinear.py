@@ -33,8 +33,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.newton import Iteration
-from skfem_contact.answers.placed import Placed, point_forces
+from skfem_contact.answers.placed import Iteration, Placed, point_forces
 from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
@@ -47,7 +46,7 @@ from skfem_contact.history.equilibrium import (
     Verdict,
     has_corners,
 )
-from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, nothing
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.refined import ROUGH, UNSOLVED, holds, refined, usable
 from skfem_contact.history.remarks import remarks
 from skfem_contact.history.stepper import Stepper
@@ -143,7 +142,7 @@ class NonlinearSearch:
         model, options = self.stepper.model, self.stepper.options
         if model.interface.wear:
             raise InputError(WEAR)
-        self.advance = Advance(nothing(model.interface))
+        self.advance = Advance(np.zeros((2, len(model.interface.names))))
         self.last = EquilibriumSearch(self.stepper, self.step, self.start)
         self.placed = Placed.of_start(model.system, model.stiffness, self.start)
         parts = Bisection(options.max_cuts, SHORTER**options.max_cuts)
