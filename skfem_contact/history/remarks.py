@@ -49,13 +49,14 @@ def remarks(attempt: Attempt, placed: Placed) -> dict[str, str]:
 def unstable(attempt: Attempt, placed: Placed) -> bool:
     """Whether the tangents at an answer are not positive definite with its points closed and sticking.
 
-    Asked only where the tangent of a body was none of a stable body by itself: other bodies, and
-    contact, may hold it. Springs against what contact holds, far stiffer than the bodies, leave
-    Cholesky's method pivots that are negative only if a motion is left that nothing resists.
+    Asked only where the tangent of a body was none of a stable body by itself, or nobody has looked:
+    other bodies, and contact, may hold it. Springs against what contact holds, far stiffer than the
+    bodies, leave Cholesky's method pivots that are negative only if a motion is left that nothing
+    resists.
     """
     model = attempt.model
     parts = [part for part in model.substructures if part is not None and part.body.nonlinear]
-    if not any(part.shaky for part in parts):
+    if model.route != "full" and not any(part.shaky for part in parts):
         return False
     if not all(isinstance(body, Body) for body in model.system.bodies):
         return False

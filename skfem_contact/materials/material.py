@@ -83,10 +83,10 @@ class Material(ABC):
 
         Raises
         ------
-        NotImplementedError
+        InputError
             If the material does not say.
         """
-        raise NotImplementedError(f"{type(self).__name__} does not say its energy")
+        raise InputError(f"{type(self).__name__} does not say its energy: it needs `energy`")
 
 
 class Split(Material):
