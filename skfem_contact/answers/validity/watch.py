@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -86,6 +85,7 @@ class Watch:
             for b, (name, support) in enumerate(zip(self.system.names, self.supports, strict=True))
             if len(support.dofs) and name in self.system.solids
         ]
+        self.may_lock = any(map(may_lock, self.system.bodies))  # whatever the answer is
         self._moved: tuple[Array, list[Array], list[Any]] | None = None  # see `_followed`
 
     def look(
@@ -200,11 +200,6 @@ class Watch:
                 warn(words + ONCE)
         return replace(known, issued=known.issued | new, meetings=measured.meetings)
 
-    @cached_property
-    def _may_lock(self) -> bool:
-        """Whether some body may lock, whatever the answer is."""
-        return any(map(may_lock, self.system.bodies))
-
     def _suspected(self, result: Answer) -> tuple[dict[int, set[str]], Issued]:
         """What seems to be wrong with contacts and has not been said, by kind; looks that are kept.
 
@@ -248,7 +243,7 @@ class Watch:
         found, looked = list[str](), Issued()
         if not self.moves:
             return found, looked
-        known, lock = result.diagnostics, lockable(result) if self._may_lock else []
+        known, lock = result.diagnostics, lockable(result) if self.may_lock else []
         size = dict.fromkeys(self.solids, (0.0, 0.0))
         for drift, watch in zip(known.drifts, self.watches, strict=True):
             for name in {self.system.names[b] for b in watch.bodies} & set(size):
