@@ -3,8 +3,8 @@
 `RankedStiffness` is what rank 0 knows of it, `Rows` what each rank holds.
 
 `Layout` says which rows that are. The nodes are parted by recursive coordinate bisection: ranks hold
-compact regions, across bodies, so that few of the entries couple two of them. Where the rows are DOFs of
-nodes with d components, a node keeps d rows even if some of its DOFs are prescribed or eliminated:
+compact regions, across bodies, so that few of the entries couple two of them. Where the rows are those
+of nodes with d components, a node keeps d rows even if some of its DOFs are prescribed or eliminated:
 multigrid then works on nodes, which halves its set-up. Rows of DOFs that are gone have nothing but a
 diagonal entry.
 """
