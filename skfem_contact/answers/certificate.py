@@ -117,7 +117,7 @@ class Certificate(NamesAttributes):
 def certify(result: Answer) -> Certificate:
     """Measure the certificate of a result; needs the displacements of all bodies."""
     kin, state, system = result.kin, result.local, result.system
-    u, f = result.u, result.case.f
+    u, f = result.u, result.load
     contact = contact_forces(result)
     residual = result.internal - f - contact
     reactions = np.zeros(system.n)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -73,7 +74,9 @@ class Placed:
     stiffness : tuple of csr_matrix
         The tangent of each body; of linear ones the very matrix that they always have.
     internal : ndarray, shape (n,)
-        Internal forces [force].
+        Internal forces, less `beyond` [force].
+    beyond : ndarray, shape (n,)
+        By how much the load of fluids is another than on the undeformed boundary [force].
     material : tuple of State
         Internal variables of each body there; none of linear ones.
     trend : ndarray, shape (n,)
@@ -83,6 +86,7 @@ class Placed:
     u: Array
     stiffness: tuple[csr_matrix, ...]
     internal: Array
+    beyond: Array
     material: tuple[State, ...]
     trend: Array
 
@@ -98,10 +102,11 @@ class Placed:
                     "start has no internal variables of the bodies that are not linear here: it is a "
                     "state of linear ones. Begin without start, or with a state of this kind of bodies."
                 )
-        return cls(u, tuple(stiffness), np.zeros(system.n), states, trend)
+        zero = np.zeros(system.n)
+        return cls(u, tuple(stiffness), zero, zero, states, trend)
 
-    def moved(self, system: System, u: Array) -> Placed:
-        """The bodies at other displacements, from what they remember here.
+    def moved(self, system: System, u: Array, fluid: Mapping[int, Array]) -> Placed:
+        """The bodies at other displacements, from what they remember here, pressed by fluids.
 
         Raises
         ------
@@ -109,14 +114,26 @@ class Placed:
             A body has no answer.
         """
         stiffness, states = list(self.stiffness), list(self.material)
-        internal = np.zeros(system.n)
-        for i, body in enumerate(system.bodies):
+        internal, beyond = np.zeros((2, system.n))
+        bodies: tuple[Any, ...] = system.bodies  # those with fluids are not linear
+        for i, body in enumerate(bodies):
             part = system.slice(body)
             if body.nonlinear:
                 stiffness[i], internal[part], states[i] = body.linearize(u[part], self.material[i])
             else:
                 internal[part] = stiffness[i] @ u[part]
-        return Placed(sealed(u), tuple(stiffness), sealed(internal), tuple(states), self.trend)
+            if i in fluid:
+                load, slope = body.pressed(fluid[i], u[part])
+                beyond[part] = load - body.pressed(fluid[i])[0]
+                stiffness[i] = csr_matrix(stiffness[i] - slope)
+        return Placed(
+            sealed(u),
+            tuple(stiffness),
+            sealed(internal - beyond),
+            sealed(beyond),
+            tuple(states),
+            self.trend,
+        )
 
     def stiffened(self, undeformed: Sequence[csr_matrix], share: float) -> Placed:
         """With a share of the tangents of the undeformed bodies added to those of here."""
@@ -124,7 +141,7 @@ class Placed:
             return self
         pairs = zip(self.stiffness, undeformed, strict=True)
         stiffness = tuple(K if K is own else csr_matrix(K + share * own) for K, own in pairs)
-        return Placed(self.u, stiffness, self.internal, self.material, self.trend)
+        return replace(self, stiffness=stiffness)
 
     def resisting(self, system: System, u: Array) -> Array:
         """Return what the bodies as linearised here resist displacements u (n,) with, (n,) [force]."""

@@ -163,7 +163,7 @@ class ContactResult(ByContact):
         return u if isinstance(scale, float) else sealed(u / scale)
 
     def motion(self, body: RigidBody | str) -> tuple[Array, Any, Array]:
-        """How a rigid body has moved: translation (d,) [length], angle [rad] and the point `about`.
+        """Return the motion of a rigid body: translation (d,) [length], angle [rad], point `about`.
 
         As obstacles take it: ``die.obstacle.moved(result.motion("die"))`` is the die where it is now.
         """
@@ -288,7 +288,7 @@ class ContactResult(ByContact):
 
     @property
     def energy_residual(self) -> float:
-        """What the energy balance of this step misses, all contacts [energy]; see `ContactValues`."""
+        """Residual of the energy balance of this step, all contacts [energy]; see `ContactValues`."""
         return float(self._answer.residual_by_contact.sum())
 
     # -- what an answer is worth --------------------------------------------------------------
@@ -320,7 +320,7 @@ class ContactResult(ByContact):
 
     @once
     def uniqueness(self) -> Uniqueness | None:
-        """Whether this load, or loads like it, have other answers; computed when first asked for.
+        """A statement on other answers to this load and to loads like it, computed when first read.
 
         The critical friction of every point, the index of this answer, and the friction up to which it
         is shown to be the only one, see `Uniqueness`. None where it is not computed: on the routes

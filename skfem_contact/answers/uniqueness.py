@@ -212,7 +212,7 @@ def undetermined(answer: Answer) -> tuple[str, ...]:
     """
     if not answer.springs:
         return ()
-    from skfem_contact.elimination.transformation import eliminate
+    from skfem_contact.elimination.constraint import eliminate
 
     rows, points = _rows(answer)
     redundant = eliminate(rows, np.zeros(len(points))).redundant

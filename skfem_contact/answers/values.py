@@ -147,7 +147,7 @@ class ContactValues(NamesAttributes):
 
     @cached_property
     def slip(self) -> Array:
-        """Of the secondary relative to the primary, since the point closed, (m, d-1) [length].
+        """Slip of the secondary relative to the primary since the point closed, (m, d-1) [length].
 
         The component along `tangent`: in 2-D that is `normal`, which points from the primary to the
         secondary, turned counter-clockwise, so that on a primary that faces upwards a slip to the

@@ -218,7 +218,7 @@ def _beyond(body: Body, point: Array, axis: Array, whose: str) -> Mask:
 
 @dataclass(frozen=True, eq=False)
 class BoltValues(NamesAttributes):
-    """What a bolt carries after a load step.
+    """Force, stretch and moments of a bolt after a load step.
 
     Attributes
     ----------

@@ -324,17 +324,17 @@ class Body(Meshed):
             f"{type(self.basis.mesh).__name__} of {self.basis.mesh.nelements} elements>"
         )
 
-    @property
+    @cached_property
     def n(self) -> int:
         """Number of DOFs."""
         return int(self.basis.N)
 
-    @property
+    @cached_property
     def dim(self) -> int:
         """Dimension of space."""
         return int(self.basis.mesh.dim())
 
-    @property
+    @cached_property
     def components(self) -> int:
         """DOFs per node: `dim` for displacements, 1 for a scalar field."""
         return self.dim if isinstance(self.basis.elem, skfem.ElementVector) else 1

@@ -140,7 +140,7 @@ class ContactSurface(NamesAttributes):
         """ "body/name" for messages."""
         return f"{self.body.name}/{self.name}" if self.body.name else self.name
 
-    @property
+    @cached_property
     def dim(self) -> int:
         """Dimension of space."""
         return self.points.shape[1]
@@ -152,7 +152,7 @@ class ContactSurface(NamesAttributes):
             return self.undeformed.kind
         return kind_of(self.dim, self.facets.shape[1])
 
-    @property
+    @cached_property
     def quadratic(self) -> bool:
         """Facets have middle nodes."""
         return self.kind.quadratic

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
 from math import factorial
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -295,7 +295,7 @@ def spin(start: Array, end: Array) -> Array:
 
 
 #: What users write: a translation, or (translation, angle, centre).
-MotionLike = ArrayLike | Sequence[Any]
+MotionLike: TypeAlias = "ArrayLike | Sequence[Any]"
 
 
 def read_motion(motion: Any, d: int, what: str = "motion") -> tuple[Array, Any, Array]:

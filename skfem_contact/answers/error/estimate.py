@@ -56,7 +56,7 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.rows import compliance_scale
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import SOLVED
-from skfem_contact.pairing.joints import rim_points
+from skfem_contact.pairing.projection import rim_points
 from skfem_contact.trees import Tree
 
 #: The parts of an answer that is not rated.

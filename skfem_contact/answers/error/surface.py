@@ -64,7 +64,7 @@ from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import SOLVED
-from skfem_contact.pairing.joints import rim_points
+from skfem_contact.pairing.projection import rim_points
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
 

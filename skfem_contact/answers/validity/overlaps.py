@@ -119,8 +119,6 @@ class Overlaps:
         tracks, drifts : sequence of Track and Drift
             Of every contact.
         """
-        if not self.far:
-            return frozenset()
         u = self.geometry.spread(state.surface)
         u[self.held] = case.x[self.held]
         return self._look(self.far, self.beside_surfaces, u, case, tracks, drifts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -109,6 +109,20 @@ class Support:
         return bool(np.max(np.abs(moved), initial=0.0) < SUPPORTED)
 
 
+def motions_of(supports: Sequence[Support], x: Array) -> list[Array]:
+    """The motion of each of several bodies under prescribed values x (n,), (r,) each."""
+    return [support.motion(x) for support in supports]
+
+
+def off_rigid(supports: Mapping[str, Support], u: Array) -> dict[str, float]:
+    """How far known displacements are off a rigid motion, over the extent of their body, by name."""
+    off = {
+        name: np.max(np.abs(u[s.dofs] - s.unit @ s.motion(u)), initial=0.0)
+        for name, s in supports.items()
+    }
+    return {name: float(size) / supports[name].arm for name, size in off.items()}
+
+
 def unit_motions(points: Array, centre: Array, arm: float) -> Array:
     """Displacements (m, d, r) of points by translations and turns, of order one."""
     d, away = points.shape[1], (points - centre) / arm
@@ -177,9 +191,9 @@ class Extrapolation:
         return part
 
 
-def soft(size: float, stiff: Array) -> float:
-    """Approach of a side under a force, by the stiffness (m,) of its nodes; zero of a rigid one."""
-    return float(size / np.median(stiff[stiff > 0])) if (stiff > 0).any() else 0.0
+def moving(supports: Sequence[Support], points: Array) -> list[Array]:
+    """How far motions of each body move points (m, d), (m, d, r) each."""
+    return [unit_motions(points, support.centre, support.arm) for support in supports]
 
 
 def beyond_round_off(approach: float, extent: float) -> float:
@@ -187,20 +201,25 @@ def beyond_round_off(approach: float, extent: float) -> float:
     return approach if approach > NO_APPROACH * extent else 0.0
 
 
-def spared(
+def pressed_in(
     pairing: Pairing, sides: Sequence[ContactSurface], stiff: Sequence[Array], size: Sequence[float]
-) -> Array | None:
-    """What `soft` of both sides is too much at points whose nodes supports hold, (m,), or None."""
-    too_much, any_held = np.zeros(len(pairing.gap)), False
+) -> tuple[float, Array | None]:
+    """Approach of both sides under a force; and what that is too much at points that supports hold.
+
+    By the stiffness (m,) of the nodes of each side. The second is of shape (m,), or None where none is.
+    """
+    approach, too_much, any_held = 0.0, np.zeros(len(pairing.gap)), False
     weights = pairing.secondary_weights, pairing.primary_weights
     for W, side, d, h in zip(weights, sides, stiff, size, strict=False):
+        soft = float(h / np.median(d[d > 0])) if (d > 0).any() else 0.0
+        approach += soft
         held = side.held.all(axis=1)
         if held.any():
             any_held = True
             total = np.asarray(abs(W).sum(axis=1)).ravel()
             share = np.asarray(abs(W) @ held) / np.where(total > 0, total, 1.0)
-            too_much += share * soft(h, d)
-    return too_much if any_held else None
+            too_much += share * soft
+    return approach, too_much if any_held else None
 
 
 def elastic_approach(result: Answer, i: int, closed: Mask, displacement: Array | None = None) -> float:

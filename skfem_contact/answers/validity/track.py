@@ -152,15 +152,24 @@ class Track:
             return float(self.spacing.dot(closed))
         return float(np.sqrt(np.sum(self.spacing[closed] ** 2)))
 
-    def slip(self, vectors: Array, given: Array) -> Array:
-        """Slips from vectors (m, d), less what obstacles give along the tangents, (m, d-1)."""
-        return self.tangential(vectors) - np.einsum("mk,mkd->md", given, self.tangent)
+    def slip(self, vectors: Array, given: Array, dragged: Array, closed: Mask) -> tuple[Array, float]:
+        """Slips from vectors (m, d), less what obstacles give along the tangents, (m, d-1).
+
+        And by how much those of closed points differ, what supports drag them by taken off [length].
+        """
+        slip = self.tangential(vectors) - np.einsum("mk,mkd->md", given, self.tangent)
+        return slip, self._spread(slip - dragged, closed) if closed.any() else 0.0
+
+    def split(self, vectors: Array) -> tuple[Array, Array]:
+        """The part of vectors (m, d) along the normal of each point, (m,), and that in its plane."""
+        along = dot(vectors, self.normal)
+        return along, np.asarray(vectors - along[:, None] * self.normal)
 
     def tangential(self, vectors: Array) -> Array:
         """The part of vectors (m, d) in the tangent plane of each point."""
-        return np.asarray(vectors - dot(vectors, self.normal)[:, None] * self.normal)
+        return self.split(vectors)[1]
 
-    def spread(self, stretch: Array, closed: Mask) -> float:
+    def _spread(self, stretch: Array, closed: Mask) -> float:
         """By how much slips (m, d) of closed points differ; in the plane along the surface [length]."""
         if stretch.shape[1] == 2:
             return float(np.ptp(dot(stretch, self.tangent[:, 0])[closed]))

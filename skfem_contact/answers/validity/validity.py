@@ -152,7 +152,7 @@ class Drift:
 
     @property
     def passes_end(self) -> bool:
-        """Whether much of the force acts beyond the end; the mesh resolves whole shares of points."""
+        """True if much of the force acts beyond the end; the mesh resolves whole shares of points."""
         return self.beyond > 0 and self.beyond_share > A_TENTH
 
 
