@@ -79,11 +79,6 @@ class OfTheContact(NamesAttributes, ABC):
     integrate: Callable[[ArrayLike], Any] = its()
 
 
-def values_of(answer: Answer) -> tuple[ContactValues, ...]:
-    """The values of every contact, in the order given."""
-    return tuple(_values(answer, i, part) for i, part in enumerate(answer.slices()))
-
-
 def _values(answer: Answer, i: int, part: slice) -> ContactValues:
     kin, state, contact = answer.kin, answer.local, answer.contacts[i]
     status = state.status[part]
@@ -170,7 +165,8 @@ class ByContact(OfTheContact):
     @cached_property
     def values(self) -> tuple[ContactValues, ...]:
         """The answer of every contact, in the order given."""
-        return values_of(self._answer)
+        parts = enumerate(self._answer.slices())
+        return tuple(_values(self._answer, i, part) for i, part in parts)
 
     def __getitem__(self, key: Contact | str | int) -> ContactValues:
         return self.values[self._position(key)]

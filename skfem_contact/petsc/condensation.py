@@ -12,7 +12,6 @@ contact is iterated, what follows from each of them is known once and for all, a
 
 from __future__ import annotations
 
-import logging
 import time
 import weakref
 from collections.abc import Callable
@@ -34,13 +33,10 @@ from skfem_contact.linalg.dense_factors import mirror, symmetrise
 from skfem_contact.linalg.singular import NotPositiveDefinite, singular, smallest_eigenvalue
 from skfem_contact.linalg.thresholds import ACCEPTED, NEGLIGIBLE
 from skfem_contact.petsc.body_share import COLUMNS_AT_ONCE, BodyShare
-from skfem_contact.petsc.layout import Layout
 from skfem_contact.petsc.ranks import Ranks
 from skfem_contact.petsc.share import LinearSolve, Settings, Solved, not_solved
 from skfem_contact.petsc.stacked import StackedStiffness
-from skfem_contact.petsc.stiffness import RankedStiffness
-
-logger = logging.getLogger("skfem_contact")
+from skfem_contact.petsc.stiffness import Layout, RankedStiffness
 
 
 class DistributedFactor:
@@ -198,18 +194,7 @@ class DistributedFactor:
         how: Solved = parts[0][-1]
         share, seconds, spent = self._share, time.perf_counter() - start, self._spent
         self._spent = 0.0
-        told = LinearSolve(
-            len(self.order),
-            share.name,
-            how.iterations,
-            how.residual,
-            self._own.size,
-            spent,
-            seconds,
-            self.memory,
-            columns,
-        )
-        logger.info("PETSc on %d ranks: %s", self._own.size, told)
+        told = share.told(how, len(self.order), self._own.size, spent, seconds, self.memory, columns)
         self._tell(told)
         if share.factorises and (how.reason < 0 or not how.residual <= ACCEPTED):
             raise singular(-1, 0.0)
