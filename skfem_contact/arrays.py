@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from skfem_contact.arguments import check_unmasked, shown
 from skfem_contact.errors import InputError
 
+#: Of numbers, of numbers of nodes and the like, and of what is chosen among them.
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
