@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.errors import InputError, UnknownKeyword
+from skfem_contact.records import NotMade
 
 Array = NDArray[np.float64]
 P = ParamSpec("P")
@@ -223,8 +224,14 @@ def with_known_keywords(surplus: str = "", /, **elsewhere: str) -> Callable[[C],
     """
 
     def decorate(cls: C) -> C:
-        takes = cls.__init__  # type: ignore[misc]
-        cls.__init__ = _answering(takes, cls.__name__, elsewhere, surplus)  # type: ignore[misc]
+        def answering(takes: Callable[P, R]) -> Callable[P, R]:
+            return _answering(takes, cls.__name__, elsewhere, surplus)
+
+        takes = vars(cls).get("__init__") or cls.__init__  # type: ignore[misc]
+        if isinstance(takes, NotMade):
+            takes.then = answering
+        else:
+            cls.__init__ = answering(takes)  # type: ignore[misc]
         return cls
 
     return decorate
@@ -233,14 +240,17 @@ def with_known_keywords(surplus: str = "", /, **elsewhere: str) -> Callable[[C],
 def _answering(
     function: Callable[P, R], name: str, elsewhere: dict[str, str], surplus: str = ""
 ) -> Callable[P, R]:
-    takes = inspect.signature(function).parameters.values()
-    first = [p.name for p in takes if p.kind is p.POSITIONAL_OR_KEYWORD]
-    bounded = all(p.kind is not p.VAR_POSITIONAL for p in takes)
-    known = [p.name for p in takes if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
-    known = [k for k in known if k not in ("self", "cls")]
+    @functools.cache  # to ask for it takes as long as to import a module
+    def asked() -> tuple[list[str], bool, list[str]]:
+        takes = inspect.signature(function).parameters.values()
+        first = [p.name for p in takes if p.kind is p.POSITIONAL_OR_KEYWORD]
+        bounded = all(p.kind is not p.VAR_POSITIONAL for p in takes)
+        known = [p.name for p in takes if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
+        return first, bounded, [k for k in known if k not in ("self", "cls")]
 
     @functools.wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+        first, bounded, known = asked()
         for key in kwargs:
             if key not in known:
                 there = elsewhere.get(key)

@@ -55,6 +55,18 @@ def largest(values: NDArray[np.float64]) -> float:
     return 0.0 if found < 0.0 else found
 
 
+def off_segments(points: Array, start: Array, along: Array) -> Array:
+    """Vectors (..., d) from the nearest places of segments to points; segments may be points.
+
+    >>> off_segments(np.array([3.0, 1.0]), np.zeros(2), np.array([2.0, 0.0])).tolist()
+    [1.0, 1.0]
+    """
+    away = points - start
+    square = np.maximum(np.einsum("...d,...d->...", along, along), np.finfo(float).tiny)
+    part = np.clip(np.einsum("...d,...d->...", away, along) / square, 0.0, 1.0)
+    return np.asarray(away - part[..., None] * along)
+
+
 def block_diagonal(blocks: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Matrices one after the other along a diagonal; SciPy's own, for many kinds of them, takes longer.
 

@@ -8,6 +8,7 @@ them. So it is asked for a class when the first instance is made, or somebody as
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from skfem_contact.once import Lock
@@ -38,7 +39,7 @@ else:
         def waits(cls: type[Any]) -> type[Any]:
             later = _Later(cls, parameters)
             for name in later.names():
-                setattr(cls, name, _Stub(later, name))
+                setattr(cls, name, NotMade(later, name))
             if parameters.get("frozen", False):
                 cls.__setattr__, cls.__delattr__ = _refuse_set, _refuse_delete
             return cls
@@ -68,7 +69,7 @@ class _Later:
         """Let the standard library make them, on a twin: other threads see all of them, or none."""
         with MAKING:
             own = dict(vars(self.cls))
-            stubs = [name for name, value in own.items() if isinstance(value, _Stub)]
+            stubs = [name for name, value in own.items() if isinstance(value, NotMade)]
             if not stubs:
                 return
             left = {*stubs, *REFUSES, "__dict__", "__weakref__"}
@@ -80,14 +81,18 @@ class _Later:
                 if isinstance(value, dataclasses.Field):  # defaults stand in the class
                     setattr(self.cls, name, made[name]) if name in made else delattr(self.cls, name)
             for name in stubs:  # the constructor last, for which threads wait here
-                setattr(self.cls, name, made[name])
+                setattr(self.cls, name, own[name].then(made[name]))
 
 
-class _Stub:
-    """A method or the fields of a class, which are made when they are asked for."""
+class NotMade:
+    """A method or the fields of a class, which are made when they are asked for.
+
+    `then` is what a decorator of the class makes of a method.
+    """
 
     def __init__(self, later: _Later, name: str) -> None:
         self.later, self.name = later, name
+        self.then: Callable[[Any], Any] = lambda made: made
 
     def __get__(self, instance: Any, owner: type[Any]) -> Any:
         self.later.make()

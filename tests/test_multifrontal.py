@@ -121,8 +121,8 @@ def test_memory_of_fronts_is_written_before_it_is_read(name, before, monkeypatch
     """Fronts share memory that nobody clears: what was there before never shows, nor warns."""
 
     class Unknown(internals.original("linalg.Leftovers")):
-        def __init__(self, fronts):
-            super().__init__(fronts)
+        def __init__(self, fronts, S):
+            super().__init__(fronts, S)
             self._memory[:] = np.resize(before, self._memory.size)
 
     internals.replace(monkeypatch, "linalg.Leftovers", Unknown)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from html import escape
 from typing import Any, TypeVar
 
 import numpy as np
@@ -68,6 +67,8 @@ class Table(Named[T]):
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
+        from html import escape  # for notebooks alone
+
         head, *rows = self._cells()
         lines = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in rows]
         body = "".join(f"<tr>{line}</tr>" for line in lines)
@@ -120,7 +121,7 @@ def _shown(value: Any) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Joint(NamesAttributes):
-    """What one contact carries, in a few numbers.
+    """Force, moment and pressures of one contact, in a few numbers.
 
     Attributes
     ----------

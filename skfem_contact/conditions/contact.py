@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import KW_ONLY, dataclass
-from typing import Any, Literal
+from dataclasses import KW_ONLY
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skfem_contact.arguments import (
     PrintedAsCall,
@@ -18,6 +18,7 @@ from skfem_contact.arguments import (
     shown,
     with_known_keywords,
 )
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.carried import carried
 from skfem_contact.conditions.friction import Archard, FrictionLaw
@@ -25,10 +26,10 @@ from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import RigidBody
+from skfem_contact.records import dataclass
 from skfem_contact.sealed import kept
 
-Array = NDArray[np.float64]
-Field = ArrayLike | Callable[[Array], ArrayLike]
+Field: TypeAlias = "ArrayLike | Callable[[Array], ArrayLike]"
 
 
 NO_SLIP = (

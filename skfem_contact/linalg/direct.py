@@ -16,7 +16,6 @@ smallest eigenvalue is estimated), and `SingularMatrix` says which DOF has no st
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -38,6 +37,7 @@ from skfem_contact.linalg.singular import (
     singular,
 )
 from skfem_contact.linalg.thresholds import ACCEPTED, LEAF
+from skfem_contact.records import dataclass
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Direct(Backend):
             )
 
     def condensed(self, body: Member, K: Any, free: np.ndarray, keep: np.ndarray) -> BodyFactor:
-        """By the multifrontal method, whatever `method` is."""
+        """Condense by the multifrontal method, whatever `method` is."""
         points = body.dof_points[free]
         pattern = _pattern(body, K, points, keep, free) if body.nonlinear else None
         return MultifrontalCholesky(K, points, keep, free=free, pattern=pattern)
@@ -191,7 +191,8 @@ def _pattern(body: Member, K: Any, points: np.ndarray, keep: np.ndarray, free: n
     """Return where the entries of a tangent go, found once for a body; parameters as of `condensed`."""
     given, known = (K.indptr, K.indices, keep, free), _PATTERNS.get(body)
     if known is None or not all(map(np.array_equal, known[0], given)):
-        known = _PATTERNS[body] = given, Pattern.of(K, points, keep, LEAF, free)
+        found = Pattern.of(K, points, keep, LEAF, free)
+        known = _PATTERNS[body] = given, found._replace(places=list(found.places))
     return known[1]
 
 

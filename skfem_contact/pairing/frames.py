@@ -23,10 +23,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from skfem_contact.arrays import Array, Mask
-from skfem_contact.bodies.areas import area_integrals
-from skfem_contact.bodies.bare import NoBody
+from skfem_contact.bodies.facets import area_integrals
 from skfem_contact.bodies.normals import angle_between, sizes, tangents, unit
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, NoBody
 from skfem_contact.digits import GIVEN
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.projection import rim_points

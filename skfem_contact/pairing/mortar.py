@@ -25,7 +25,7 @@ pressure passes between meshes that do not match (patch test).
 Straight sides and flats may turn by less than a corner does. At less than 45 degrees a surface has one
 normal at a node, averaged, and the multipliers reach over it: both right for curves, whose facets turn
 by like angles one after the other. A chamfer beside a flat is no curve. Its node is known by what the
-surface does next to it: on one side at least it goes straight on (`bodies.kinks.kink_angles`). There
+surface does next to it: on one side at least it goes straight on (`normal_field.kink_angles`). There
 
 * the normal is that of the other side of the interface, which meets one of the two parts;
 * the gap of a row is no less than the least distance in its support (`least_gaps`). A dual multiplier

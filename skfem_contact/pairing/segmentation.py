@@ -41,8 +41,8 @@ from dataclasses import replace
 import numpy as np
 
 from skfem_contact.arrays import Array, Index
-from skfem_contact.bodies.areas import area_elements
 from skfem_contact.bodies.facet_kinds import KINDS, FacetKind
+from skfem_contact.bodies.facets import area_elements
 from skfem_contact.bodies.normals import cross, sizes, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED

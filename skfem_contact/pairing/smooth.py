@@ -50,10 +50,9 @@ from typing import NamedTuple
 import numpy as np
 
 from skfem_contact.arrays import Array, Index, Mask
-from skfem_contact.bodies.bare import NoBody
 from skfem_contact.bodies.normals import tangents, unit
 from skfem_contact.bodies.quadrics import corner_weights, principal
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, NoBody
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
 

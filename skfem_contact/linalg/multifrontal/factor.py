@@ -29,7 +29,7 @@ from __future__ import annotations
 import math
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,11 +39,10 @@ from scipy.linalg.lapack import dpotrf
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.dense_factors import blocks, mirror
 from skfem_contact.linalg.multifrontal.fronts import (
-    Leftovers,
+    Fronts,
     Pattern,
     checked_matrix,
     dense_block,
-    extend_add,
     find_runs,
     panels,
 )
@@ -264,22 +263,13 @@ class MultifrontalCholesky:
 
     @np.errstate(all="ignore")  # the triangles that do not count hold whatever was in memory
     def _factorise(self, diagonal: np.ndarray, points: np.ndarray) -> None:
-        fronts, panels = self.fronts, [*self.panels, (self.S, self.S[:, :0])]
+        fronts, panels = self.fronts, self.panels
         order, start, first = fronts.order, fronts.start.tolist(), fronts.first.tolist()
-        children, runs = fronts.children, find_runs(fronts)
-        left, leftovers = dict[int, np.ndarray](), Leftovers(fronts)
-        for f in fronts.schedule:
+        parent, runs, leftovers = fronts.parent.tolist(), find_runs(fronts), Leftovers(fronts, self.S)
+        for f in fronts.schedule[:-1]:  # what is kept is not eliminated
             F11, F21 = panels[f]
             p, b = F21.shape
-            F22 = leftovers.take(f)
-            for some in blocks(b):  # memory that is touched for the first time takes long: half of it
-                F22[some, some.start :] = 0.0
-            for child in children[f]:
-                rows, alone = fronts.target[first[child] : first[child + 1]], child == children[f][0]
-                extend_add(F11, F21, F22, left.pop(child), rows, runs[child], alone)
-            leftovers.give_back(children[f])
-            if f == len(panels) - 1:
-                break  # what is kept is not eliminated
+            F22, _ = leftovers.of(f)
             if p:
                 _, failed = dpotrf(F11.T, lower=1, clean=0, overwrite_a=1)
                 if failed:
@@ -288,7 +278,11 @@ class MultifrontalCholesky:
             if p and b:
                 dtrsm(1.0, F11.T, F21.T, side=1, lower=1, trans_a=1, overwrite_b=1)
                 dsyrk(-1.0, F21.T, beta=1.0, c=F22.T, lower=1, overwrite_c=1)
-            left[f] = F22
+            if f < len(panels) - 1:  # what the last one leaves is added to S as it stands
+                rows = fronts.target[first[f] : first[f + 1]]
+                above = *panels[parent[f]], *leftovers.of(parent[f])
+                _extend_add(above, F22, rows, runs[f])
+                leftovers.give_back(f)
         pivots = np.concatenate([L11.diagonal() for L11, _ in self.panels])
         ratios = pivots**2 / diagonal[: pivots.size]
         worst = int(np.argmin(ratios)) if ratios.size else 0  # a NaN is found as well
@@ -323,8 +317,74 @@ class MultifrontalCholesky:
                 y[:] = dtrsm(1.0, L11.T, less, side=1, lower=1, overwrite_b=1).T
 
 
-if TYPE_CHECKING:
-    from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
+class Leftovers:
+    """Memory of what fronts leave to their parents: one array for all, filled from both ends.
+
+    A front has its square from the time when the first of its children is done, and each child adds to
+    it at once: so those that are there at a time, and their parents, are on one way to the top. Those
+    of even depth take from the beginning of the array, those of odd depth from its end, and the last
+    one taken at either end is given back first. Memory is touched for the first time once, not in every
+    front: that took as long as the additions. What the top of the tree leaves is S.
+    """
+
+    def __init__(self, fronts: Fronts, S: np.ndarray) -> None:
+        self._sizes = np.diff(fronts.first).tolist()
+        self._odd = fronts.odd
+        self._memory = np.empty(fronts.waiting)
+        self._used = [0, 0]  # entries at either end
+        self._taken = {fronts.parent.size - 2: S}
+
+    def of(self, front: int) -> tuple[np.ndarray, bool]:
+        """The square for the border of a front, and whether it holds zeros as yet."""
+        known = self._taken.get(front)
+        if known is not None:
+            return known, False
+        b, odd = self._sizes[front], self._odd[front]
+        begin = self._used[odd] if not odd else self._memory.size - self._used[odd] - b * b
+        self._used[odd] += b * b
+        new = self._taken[front] = self._memory[begin : begin + b * b].reshape(b, b)
+        for some in blocks(b):  # half of it, as it takes long to touch memory for the first time
+            new[some, some.start :] = 0.0
+        return new, True
+
+    def give_back(self, front: int) -> None:
+        """Return what a front took is free again."""
+        del self._taken[front]
+        self._used[self._odd[front]] -= self._sizes[front] ** 2
+
+
+def _extend_add(
+    parent: tuple[np.ndarray, np.ndarray, np.ndarray, bool],
+    C: np.ndarray,
+    rows: np.ndarray,
+    runs: list[tuple[int, int, int]],
+) -> None:
+    """Add what a child left over; only the lower triangles count (here: upper, transposed).
+
+    With the `first` child of a front `F22` holds zeros as yet: it is written, which is quicker.
+    """
+    F11, F21, F22, first = parent
+    p = len(F11)
+    if 6 * (len(runs) + 1) > len(rows):  # scattered: one by one
+        k = int(rows.searchsorted(p))
+        near, far = rows[:k], rows[k:] - p
+        F11[near[:, None], near] += C[:k, :k]
+        F21[near[:, None], far] += C[:k, k:]
+        F22[far[:, None], far] += C[k:, k:]
+        return
+    pivots = [run for run in runs if run[2] < p]
+    border = [(a, b, i - p) for a, b, i in runs[len(pivots) :]]
+    for number, (a, b, i) in enumerate(pivots):
+        for c, d, j in pivots[number:]:
+            F11[i : i + b - a, j : j + d - c] += C[a:b, c:d]
+        for c, d, j in border:
+            F21[i : i + b - a, j : j + d - c] += C[a:b, c:d]
+    for number, (a, b, i) in enumerate(border):
+        for c, d, j in border[number:]:
+            if first:
+                F22[i : i + b - a, j : j + d - c] = C[a:b, c:d]
+            else:
+                F22[i : i + b - a, j : j + d - c] += C[a:b, c:d]
 
 
 class SurfaceResponse:
@@ -371,6 +431,7 @@ class SurfaceResponse:
             if start[f] < start[f + 1]
         ]
 
+    @np.errstate(over="ignore", invalid="ignore")  # the triangles that do not count hold anything
     def _read(self, panel: Array) -> NDArray[Any]:
         return panel.astype(self._kind, copy=False)
 

@@ -7,41 +7,25 @@ of the box left over. The last front holds the DOFs that are kept and eliminates
 Positions count DOFs in the order of elimination, deepest boxes first, so that the pivots of
 front f are the positions ``start[f]`` to ``start[f + 1]`` and all of its border comes later.
 
-Numbers: where they are kept in the fronts, and how fronts add up.
+Numbers: where they are kept in the fronts.
 
 From the pattern alone it is known how large a factorisation will be.
 """
 
 from __future__ import annotations
 
+import weakref
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from skfem_contact.errors import InputError
+from skfem_contact.linalg.dense_factors import blocks
 from skfem_contact.linalg.multifrontal.ordering import dissect, distinct
 from skfem_contact.linalg.thresholds import LEAF, SYMMETRIC_TO
 from skfem_contact.records import dataclass
-
-
-class Entries(NamedTuple):
-    """Stored entries of a matrix on or below the diagonal in its columns that are eliminated.
-
-    Attributes
-    ----------
-    which : ndarray of int
-        Where they are stored.
-    row, column : ndarray of int
-        Positions in the order of elimination.
-    far : ndarray of int
-        Those of them whose row is no pivot of the front that eliminates their column.
-    """
-
-    which: np.ndarray
-    row: np.ndarray
-    column: np.ndarray
-    far: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,14 +73,6 @@ class Fronts:
         return np.repeat(np.arange(self.parent.size), np.diff(self.start))
 
     @property
-    def children(self) -> list[list[int]]:
-        """The fronts that leave their borders to each front."""
-        children: list[list[int]] = [[] for _ in self.parent]
-        for front, parent in enumerate(self.parent[:-1].tolist()):
-            children[parent].append(front)
-        return children
-
-    @property
     def nbytes(self) -> int:
         """Memory of the indices [bytes]; the factors take ``8 * panel[-1]``."""
         per_dof, per_entry = (self.order, self.position), (self.border, self.keys, self.target)
@@ -118,14 +94,15 @@ class Fronts:
 
     @property
     def waiting(self) -> int:
-        """Most entries of leftovers that wait for their parents at a time, that in work included."""
-        left = np.diff(self.first) ** 2
-        waiting = most = 0
-        children = self.children
-        for front in self.schedule:
-            waiting += int(left[front])
-            most = max(most, waiting)
-            waiting -= sum(int(left[child]) for child in children[front])
+        """Most entries of leftovers that are there at a time, see `Leftovers`."""
+        left = (np.diff(self.first) ** 2).tolist()
+        taken, now, most = set(self.schedule[-2:]), 0, 0  # what the top leaves is S
+        for front in self.schedule[:-2]:
+            for new in {front, int(self.parent[front])} - taken:
+                taken.add(new)
+                now += left[new]
+            most = max(most, now)
+            now -= left[front]
         return most
 
     @property
@@ -156,13 +133,6 @@ def analyse(
     -------
     Fronts
     """
-    return analyse_entries(K, points, keep, leaf, free)[0]
-
-
-def analyse_entries(
-    K: Any, points: np.ndarray, keep: np.ndarray, leaf: int, free: np.ndarray | None = None
-) -> tuple[Fronts, Entries]:
-    """The fronts of a matrix, and its `lower_entries`, which take as long to find again."""
     n = len(points)
     rows = np.arange(n) if free is None else free
     inside = np.ones(n, dtype=bool)
@@ -177,11 +147,7 @@ def analyse_entries(
     start = np.concatenate(([0], np.cumsum(pivots)))
     parent = np.append(tree.parent, last + 1)
 
-    of_row = np.full(
-        K.shape[0], -1, dtype=K.indices.dtype
-    )  # narrower than most: there are many entries
-    of_row[rows] = position
-    entries = lower_entries(K, of_row, start)
+    entries = lower_entries(K, position, start, free)
     keys = _borders(n, entries, start, parent, tree.levels)
     first = np.searchsorted(keys, np.arange(last + 2) * n)
     front, border = np.divmod(keys, n)
@@ -192,20 +158,28 @@ def analyse_entries(
     target[far] = pivots[up[far]] + at - first[up[far]]
     panel = np.concatenate(([0], np.cumsum(pivots * (pivots + np.diff(first)))))
     schedule = _depth_first(parent)
-    fronts = Fronts(order, position, start, parent, first, border, keys, target, panel, schedule)
-    return fronts, entries
+    return Fronts(order, position, start, parent, first, border, keys, target, panel, schedule)
 
 
-def lower_entries(K: Any, position: np.ndarray, start: np.ndarray) -> Entries:
-    """Return what is stored on or below the diagonal in the columns of the fronts that are eliminated.
+def lower_entries(
+    K: Any, position: np.ndarray, start: np.ndarray, free: np.ndarray | None
+) -> Iterator[tuple[np.ndarray, ...]]:
+    """What is stored on or below the diagonal in the columns that are eliminated, some rows at a time.
 
-    Rows and columns without position, -1, are left out.
+    Of each entry where it is stored, the positions of its row and its column in the order of
+    elimination, and whether its row is no pivot of the front that eliminates its column. All of them at
+    once would take more memory than K. Rows and columns that are not free are left out.
     """
-    i, j = np.repeat(position, np.diff(K.indptr)), position.take(K.indices)
-    which = np.flatnonzero((i >= j) & (j >= 0) & (j < start[-2]))
-    i, j = i[which], j[which]
+    of_row = np.full(K.shape[0], -1, dtype=K.indices.dtype)  # narrower than most
+    of_row[slice(None) if free is None else free] = position
     end = np.repeat(start[1:], np.diff(start))  # of the pivots, for each column
-    return Entries(which, i, j, np.flatnonzero(i >= end.take(j)))
+    for rows in blocks(K.shape[0]):
+        begins = K.indptr[rows.start : rows.stop + 1]
+        i = np.repeat(of_row[rows], np.diff(begins))
+        j = of_row.take(K.indices[begins[0] : begins[-1]])
+        which = np.flatnonzero((i >= j) & (j >= 0) & (j < start[-2]))
+        i, j = i[which], j[which]
+        yield which + begins[0], i, j, i >= end.take(j)
 
 
 def find_runs(fronts: Fronts) -> list[list[tuple[int, int, int]]]:
@@ -229,11 +203,17 @@ def find_runs(fronts: Fronts) -> list[list[tuple[int, int, int]]]:
 
 
 def _borders(
-    n: int, entries: Entries, start: np.ndarray, parent: np.ndarray, levels: np.ndarray
+    n: int,
+    entries: Iterable[tuple[np.ndarray, ...]],
+    start: np.ndarray,
+    parent: np.ndarray,
+    levels: np.ndarray,
 ) -> np.ndarray:
     """All borders as keys ``front * n + position``, the fronts of one level at a time."""
     key = np.repeat(np.arange(parent.size) * n, np.diff(start))  # of the front of each column
-    own = distinct(key.take(entries.column[entries.far]) + entries.row[entries.far])
+    top = (parent.size - 2) * n + np.arange(start[-2], n)  # its border is all that is kept
+    beyond = [distinct(key.take(j[far]) + i[far]) for _, i, j, far in entries]
+    own = distinct(np.concatenate([*beyond, top]))
     bounds = np.searchsorted(own, levels * n)
     keys, inherited = [], np.empty(0, dtype=np.int64)
     for begin, end in pairwise(bounds.tolist()):
@@ -298,42 +278,55 @@ class Pattern(NamedTuple):
     Attributes
     ----------
     fronts : Fronts
-    which, place : ndarray of int
-        Entries of the matrix that factors begin with, and their places in the storage of all factors.
+    places : iterable of pairs of ndarray of int
+        Where entries that factors begin with are in the matrix, and where in the storage of all
+        factors; some rows at a time. An iterator serves one matrix, a list many.
+    spare : list of ndarray
+        Storage of factors that nobody has any more: new memory takes the system as long as the factors.
     """
 
     fronts: Fronts
-    which: np.ndarray
-    place: np.ndarray
+    places: Iterable[tuple[np.ndarray, np.ndarray]]
+    spare: list[Any]
 
     @classmethod
     def of(
         cls, K: Any, points: np.ndarray, keep: np.ndarray, leaf: int, free: np.ndarray | None
     ) -> Pattern:
-        """Say that of a matrix; parameters are those of `MultifrontalCholesky`."""
-        fronts, entries = analyse_entries(K, points, keep, leaf, free)
-        return cls(fronts, entries.which, _places(fronts, entries))
+        """Say that of one matrix; parameters are those of `MultifrontalCholesky`."""
+        fronts = analyse(K, points, keep, leaf, free)
+        places = _places(fronts, lower_entries(K, fronts.position, fronts.start, free))
+        return cls(fronts, places, [])
 
     def gather(self, K: Any) -> np.ndarray:
         """Storage for all factors, with the entries of `K` in their places."""
-        data = np.zeros(self.fronts.panel[-2])
-        data[self.place] = K.data[self.which]
+        try:
+            memory = self.spare.pop()
+            memory[:] = 0.0
+        except IndexError:
+            memory = np.zeros(self.fronts.panel[-2])
+        data = np.frombuffer(memoryview(memory))  # which all views keep alive, and not the memory alone
+        weakref.finalize(data, self.spare.append, memory)
+        for which, place in self.places:
+            data[place] = K.data[which]
         return data
 
 
-def _places(fronts: Fronts, entries: Entries) -> np.ndarray:
-    """Return where entries of the matrix are in the storage of all factors."""
-    _, i, j, far = entries
+def _places(
+    fronts: Fronts, entries: Iterable[tuple[np.ndarray, ...]]
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield where entries are stored in the matrix, and in the storage of all factors."""
     front, pivots, size = fronts.owner, np.diff(fronts.start), np.diff(fronts.first)
     start, panel, p = fronts.start[front], fronts.panel[front], pivots[front]
     column = np.arange(front.size) - start  # in its front
     # of each column: where row 0 would be if all rows were pivots, and if all were of the border
     near = panel + column * p - start
     beyond = panel + p * p + column * size[front] - fronts.first[front]
-    place = near.take(j) + i
-    i, j = i[far], j[far]
-    place[far] = beyond.take(j) + np.searchsorted(fronts.keys, front.take(j) * front.size + i)
-    return place
+    for which, i, j, far in entries:
+        place = near.take(j) + i
+        i, j = i[far], j[far]
+        place[far] = beyond.take(j) + np.searchsorted(fronts.keys, front.take(j) * front.size + i)
+        yield which, place
 
 
 def dense_block(K: Any, keep: np.ndarray) -> np.ndarray:
@@ -359,69 +352,6 @@ def panels(data: np.ndarray, fronts: Fronts) -> list[tuple[np.ndarray, np.ndarra
         (data[o : o + p * p].reshape(p, p), data[o + p * p : o + p * (p + b)].reshape(p, b))
         for o, (p, b) in zip(begin[:-2], sizes, strict=False)  # without what is kept
     ]
-
-
-class Leftovers:
-    """Memory of what fronts leave to their parents: one array for all, filled from both ends.
-
-    Fronts of even depth take from its beginning, those of odd depth from its end. So the children of
-    a front, which are given back when it is done, are always the last ones taken at their end, and
-    memory is touched for the first time once, not in every front: that took as long as the additions.
-    """
-
-    def __init__(self, fronts: Fronts) -> None:
-        self._sizes = np.diff(fronts.first).tolist()
-        self._odd = fronts.odd
-        self._memory = np.empty(fronts.waiting)
-        self._used = [0, 0]  # entries at either end
-
-    def take(self, front: int) -> np.ndarray:
-        """A square for the border of a front, with whatever was there."""
-        b, odd = self._sizes[front], self._odd[front]
-        begin = self._used[odd] if not odd else self._memory.size - self._used[odd] - b * b
-        self._used[odd] += b * b
-        return self._memory[begin : begin + b * b].reshape(b, b)
-
-    def give_back(self, children: list[int]) -> None:
-        """Return what the children of one front took is free again."""
-        for child in children:
-            self._used[self._odd[child]] -= self._sizes[child] ** 2
-
-
-def extend_add(
-    F11: np.ndarray,
-    F21: np.ndarray,
-    F22: np.ndarray,
-    C: np.ndarray,
-    rows: np.ndarray,
-    runs: list[tuple[int, int, int]],
-    first: bool,
-) -> None:
-    """Add what a child left over; only the lower triangles count (here: upper, transposed).
-
-    With the `first` child of a front `F22` holds zeros as yet: it is written, which is quicker.
-    """
-    p = len(F11)
-    if 6 * (len(runs) + 1) > len(rows):  # scattered: one by one
-        k = int(rows.searchsorted(p))
-        near, far = rows[:k], rows[k:] - p
-        F11[near[:, None], near] += C[:k, :k]
-        F21[near[:, None], far] += C[:k, k:]
-        F22[far[:, None], far] += C[k:, k:]
-        return
-    pivots = [run for run in runs if run[2] < p]
-    border = [(a, b, i - p) for a, b, i in runs[len(pivots) :]]
-    for number, (a, b, i) in enumerate(pivots):
-        for c, d, j in pivots[number:]:
-            F11[i : i + b - a, j : j + d - c] += C[a:b, c:d]
-        for c, d, j in border:
-            F21[i : i + b - a, j : j + d - c] += C[a:b, c:d]
-    for number, (a, b, i) in enumerate(border):
-        for c, d, j in border[number:]:
-            if first:
-                F22[i : i + b - a, j : j + d - c] = C[a:b, c:d]
-            else:
-                F22[i : i + b - a, j : j + d - c] += C[a:b, c:d]
 
 
 @dataclass(frozen=True)

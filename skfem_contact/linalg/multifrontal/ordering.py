@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from skfem_contact.linalg.dense_factors import blocks
 from skfem_contact.records import dataclass
 
 
@@ -141,12 +142,15 @@ def _nodes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _edges(A: Any, node: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of nodes that the matrix couples, each once; DOFs without node, -1, are left out."""
     A = A.tocsr()
-    node = node.astype(A.indices.dtype)  # half as wide as keys, and there are many entries
-    i, j = np.repeat(node, np.diff(A.indptr)), node.take(A.indices)
-    # the DOFs of a node are mostly neighbours: less to sort
-    once = np.flatnonzero((_changes(j) | _changes(i)) & (i != j) & (np.minimum(i, j) >= 0))
-    i, j = i.take(once), j.take(once)
-    key = distinct(np.minimum(i, j) * np.int64(count) + np.maximum(i, j))
+    node, keys = node.astype(A.indices.dtype), [np.zeros(0, dtype=np.int64)]  # narrower than most
+    for rows in blocks(A.shape[0]):  # of all at once there is more than memory for the matrix
+        begins = A.indptr[rows.start : rows.stop + 1]
+        i, j = np.repeat(node[rows], np.diff(begins)), node.take(A.indices[begins[0] : begins[-1]])
+        # the DOFs of a node are mostly neighbours: less to sort
+        once = np.flatnonzero((_changes(j) | _changes(i)) & (i != j) & (np.minimum(i, j) >= 0))
+        i, j = i.take(once), j.take(once)
+        keys.append(distinct(np.minimum(i, j) * np.int64(count) + np.maximum(i, j)))
+    key = distinct(np.concatenate(keys))
     return np.divmod(key, max(1, count))
 
 
