@@ -259,9 +259,10 @@ class Segmentation:
         # `measure` linear in the position
         degree = max(LEAST, own + max(own, other) + 1)
         degree = {AFFINE: degree, PART: max(CURVED, degree), SKEW: degree + ROOTS}[shape]
-        if heights:
-            degree = HEIGHTS + min(max(own, other), KINDS["quad4"].order)
         simplex = KINDS["line2" if self.secondary.dim == 2 else "tri3"]
+        if heights:  # on intervals one more point is worth four digits of the gaps of circles
+            degree = HEIGHTS + min(max(own, other), KINDS["quad4"].order)
+            degree = max(LEAST, degree) if simplex.dim == 1 else degree
         xi, w = simplex.quadrature(degree)
         return simplex.shapes(xi)[0], w / w.sum()
 
