@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer, reaction
 from skfem_contact.answers.by_contact import ByContact
-from skfem_contact.answers.certificate import Certificate, certify
+from skfem_contact.answers.certificate import Certificate
 from skfem_contact.answers.newton import Newton
 from skfem_contact.answers.thresholds import FALLING, MOST_ROWS
 from skfem_contact.answers.uniqueness import Uniqueness, undetermined, uniqueness
@@ -307,7 +307,7 @@ class ContactResult(ByContact):
     @cached_property
     def certificate(self) -> Certificate:
         """Dimensionless numbers measured from the answer, for all degrees of freedom."""
-        return self._certified
+        return self._answer.certificate
 
     @cached_property
     def validity(self) -> Validity:
@@ -331,10 +331,6 @@ class ContactResult(ByContact):
         return self._counted
 
     # of several threads that ask at once one computes, and warns
-
-    @once
-    def _certified(self) -> Certificate:
-        return certify(self._answer)
 
     @once
     def _assessed(self) -> Validity:
