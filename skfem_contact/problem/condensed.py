@@ -296,19 +296,6 @@ class PointProblem(OnContactDofs):
         new._give_way(1.0 / C.normal, 1.0 / C.tangential[:, None])
         return new
 
-    def sources(self, found: Sequence[tuple[Load, Response]]) -> list[Source]:
-        """Forces on the contact DOFs: loads, contact, and the springs on the anchors.
-
-        Those of many answers: sparse matrices are quick where they meet many vectors at once."""
-        from_gaps, from_slips = self.onto_dofs
-        loads, responses = [load for load, _ in found], [response for _, response in found]
-        force = np.column_stack([load.prescribed for load in loads])
-        force += from_gaps @ np.column_stack([r.normal_force for r in responses])
-        force += self.bodies.P @ np.column_stack([r.solution[self.q :] for r in responses])
-        if self.slips:
-            force -= from_slips @ np.column_stack([r.tangential_force.ravel() for r in responses])
-        return [Source(column.copy(), forces=True) for column in force.T]
-
 
 def dense_bytes(kept: Sequence[int], rows: int) -> int:
     """Memory of the dense matrices of a contact problem at most, before any of them is there [bytes].

@@ -141,6 +141,6 @@ class FullProblem(ContactProblem):
         """The load case as it stands."""
         return Load(case.f, case.gap0, case.slip0, case.x)
 
-    def source(self, load: Load, response: Response) -> Source:
+    def sources(self, found: Sequence[tuple[Load, Response]]) -> list[Source]:
         """Displacements of all DOFs."""
-        return Source(response.solution, forces=False)
+        return [Source(response.solution, forces=False) for _, response in found]

@@ -79,7 +79,7 @@ class IteratedProblem(OnForces):
         """A load case: what gaps, slips and anchors do where contact carries nothing."""
         u = self.bodies.load(case)
         moved = np.append(self.G @ u, self.bodies.P.T @ u)
-        return Load(np.zeros(0), *self.constant(case), np.zeros(0), (), moved)
+        return Load(np.zeros(0), *self.constant(case), np.zeros(len(u)), (), moved)
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Gaps, slips and forces under these conditions."""
@@ -91,15 +91,6 @@ class IteratedProblem(OnForces):
         self._last = load, p, q
         z = z0 + self.moved(p, q)[0]
         return self.response(conditions, load, z, p, np.append(p, q), system.rough)
-
-    def source(self, load: Load, response: Response) -> Source:
-        """Forces on the contact DOFs: contact, and the springs on the anchors."""
-        q = response.solution[self.q :]
-        from_gaps, from_slips = self.onto_dofs
-        force = from_gaps @ response.normal_force + self.bodies.P @ q
-        if self.slips:
-            force -= from_slips @ response.tangential_force.ravel()
-        return Source(force, forces=True)
 
 
 class _Forces(HeldForces):
@@ -268,11 +259,12 @@ class MultigridProblem(OnForces):
         z = load.moved + self.G @ u[self.bodies.place] + self.give * p
         return self.response(conditions, load, z, p, u, system.rough)
 
-    def source(self, load: Load, response: Response) -> Source:
+    def sources(self, found: Sequence[tuple[Load, Response]]) -> list[Source]:
         """Displacements of all DOFs."""
-        u = load.prescribed.copy()
-        u[self.bodies.free] = response.solution
-        return Source(u, forces=False)
+        displacements = [load.prescribed.copy() for load, _ in found]
+        for u, (_, response) in zip(displacements, found, strict=True):
+            u[self.bodies.free] = response.solution
+        return [Source(u, forces=False) for u in displacements]
 
 
 class _Fields(HeldForces):

@@ -187,8 +187,8 @@ class ContactProblem(LinearProblem):
         return self.sources([(load, response)])[0]
 
     def sources(self, found: Sequence[tuple[Load, Response]]) -> list[Source]:
-        """Those of many answers."""
-        return [self.source(load, response) for load, response in found]
+        """The same for many answers."""
+        raise NotImplementedError
 
     def surface(self, source: Source, case: LoadCase) -> Array:
         """Displacements (n,) as far as they are known without the interior [length]."""
@@ -274,6 +274,20 @@ class OnContactDofs(ContactProblem):
         moved = load.moved.copy()
         moved[: self.q] -= self.give * self.on_rows(normal_force, -tangential_force)
         return replace(load, moved=moved)
+
+    def sources(self, found: Sequence[tuple[Load, Response]]) -> list[Source]:
+        """Forces on the contact DOFs: loads, contact, and the springs on the anchors.
+
+        Those of many answers: sparse matrices are quick where they meet many vectors at once.
+        """
+        from_gaps, from_slips = self.onto_dofs
+        loads, responses = [load for load, _ in found], [response for _, response in found]
+        force = np.column_stack([load.prescribed for load in loads])
+        force += from_gaps @ np.column_stack([r.normal_force for r in responses])
+        force += self.bodies.P @ np.column_stack([r.solution[self.q :] for r in responses])
+        if self.slips:
+            force -= from_slips @ np.column_stack([r.tangential_force.ravel() for r in responses])
+        return [Source(column.copy(), forces=True) for column in force.T]
 
     def on_rows(self, normal: Array, tangential: Array) -> Array:
         """Values of points (m,) and of their tangents (m, d-1), on the q rows that there are."""
