@@ -372,7 +372,7 @@ ROWS = (
         "`linear=Direct()`: in every iteration",
         "condensed once",
         interior,
-        ("problem/sparse:solve", "elimination/transformation:eliminate", "problem/full:"),
+        ("problem/sparse:solve", "elimination/constraint:eliminate", "problem/full:"),
     ),
     Row(
         "displacements",

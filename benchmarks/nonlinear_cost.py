@@ -5,9 +5,6 @@
 A billet without hardening to speak of, of cells x cells quadrilaterals (31 752 DOFs with 125), under an
 elastic tool with friction: CPU seconds of a load step over its linearisations, the tool being condensed
 before, over those of `skfem.solve` with the stiffness of the billet; the median of some rounds in turn.
-
-A fifth of an iterate may be the system's: glibc gives memory of factors back, and takes it anew.
-Without that, `MALLOC_MMAP_THRESHOLD_=1000000000 MALLOC_TRIM_THRESHOLD_=2000000000`, .51 are .40.
 """
 
 from __future__ import annotations

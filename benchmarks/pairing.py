@@ -128,9 +128,9 @@ def pairing(case: Case) -> dict[str, Any]:
 def cut_pairs(surfaces: tuple[Any, Any]) -> int:
     """The number of polygons that faces of both sides have in common."""
     try:
-        from skfem_contact.pairing.face_segmentation import segment
-    except ImportError:  # with `--beside`: earlier versions have it elsewhere
-        segment = import_module("skfem_contact.pairing.faces.segmentation").segment
+        from skfem_contact.pairing.segmentation import Segmentation, segment  # noqa: F401
+    except ImportError:  # with `--beside`: earlier versions have that of faces elsewhere
+        segment = import_module("skfem_contact.pairing.face_segmentation").segment
     return len(segment(*surfaces).e)
 
 

@@ -88,7 +88,7 @@ for P, a, b, c, d, e in zip(loads, pressed, hertz, spin, small, swing, strict=Tr
 # %% Files and pictures
 sc.write_series(out / "ball_joint.pvd", [*pressed, *spun])
 figure = plt.figure(figsize=(11, 4.8), layout="constrained")
-seat, curve = figure.add_subplot(121, projection="3d"), figure.add_subplot(122)
+seat, curve = figure.subplots(1, 2)
 sc.plot_contact(spun[1], ax=seat, units={"length": "mm", "stress": "MPa"})
 seat.set_title(f"socket under {loads[1]:.0f} N, the ball spins", fontsize="medium")
 many = np.geomspace(loads[0] / 2, 2 * loads[-1], 100)

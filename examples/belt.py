@@ -98,8 +98,7 @@ def hoop(body, u):
 
 
 figure = plt.figure(figsize=(13.5, 4.6), layout="constrained")
-scene = figure.add_subplot(131, projection="3d")
-places, history = figure.add_subplot(132), figure.add_subplot(133)
+scene, places, history = figure.subplots(1, 3)
 half = 5
 sc.plot_deformed(
     results[half],
@@ -107,12 +106,12 @@ sc.plot_deformed(
     stress=hoop,
     ax=scene,
     obstacles=False,
+    viewer=(1, 0.8, 2),
+    up=(0, 1, 0),
     label="tension / that of the slack end",
     units={"stress": "T₀/R"},
 )
 scene.set_title("the belt, magnified 20 times")
-scene.view_init(20, 60, vertical_axis="y")
-scene.axis("off")
 shown = [k for k in (1, 3, 5, 7) if pull[k] < 0.99 * ratio] + [len(results) - 1]
 for k, shade in zip(shown, plt.cm.viridis(np.linspace(0.9, 0.1, len(shown))), strict=True):
     place, T = tension(results[k])

@@ -98,11 +98,14 @@ def mises(body, u):
 bases = []
 for column, degrees in enumerate(shown):
     result = results[degrees]
-    ax = figure.add_subplot(grid[0, column], projection="3d")
-    sc.plot_deformed(result, magnified, stress=mises, ax=ax, units={"stress": "MPa"})
-    ax.view_init(8, -75, roll=degrees)
+    ax = figure.add_subplot(grid[0, column])
+    tilt = np.radians(degrees)
+    up = (np.sin(tilt), 0, np.cos(tilt))  # it slides to the left
+    units = {"length": "mm", "stress": "MPa"}
+    sc.plot_deformed(
+        result, magnified, stress=mises, ax=ax, units=units, viewer=(0.25, -1, 0.15), up=up
+    )
     ax.set_title(f"{degrees} degrees")
-    ax.axis("off")
     used = np.linalg.norm(result.tangential_force, axis=1)
     used = used / np.where(result.status == 0, np.inf, result.normal_force)
     ax = figure.add_subplot(grid[1, column])

@@ -87,7 +87,7 @@ def mises(body, u):
 
 figure = plt.figure(figsize=(12, 6.6), layout="constrained")
 left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[9, 10]).flat
-scene = left.add_subplot(projection="3d")
+scene = left.subplots()
 sc.plot_deformed(
     results[-1],
     scale=100,

@@ -128,10 +128,9 @@ assert stuck.rank == 1
 
 # %% Picture: the loop that is measured, of the start, and found
 figure = plt.figure(figsize=(9, 3.8), layout="constrained")
-solid, ax = figure.add_subplot(121, projection="3d"), figure.add_subplot(122)
+solid, ax = figure.subplots(1, 2)
 *_, aside = solver_of(true).history(steps[:7])
 sc.plot_deformed(aside, 300, ax=solid, units={"length": "mm"})
-solid.axis("off")
 moved = 1e3 * amplitude * np.sin(phase)
 ax.plot(moved, measured, "ko", ms=4, label="measured")
 ax.plot(moved, at(start).values, color="#999999", label="start")

@@ -126,17 +126,10 @@ figure = plt.figure(figsize=(11, 4.8), layout="constrained")
 left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[1, 0.9]).flat
 units = {"length": "mm", "stress": "MPa"}
 mises = {"von Mises stress": lambda body, u: sc.von_mises(body, u, E=E, nu=nu)}
-try:  # with PyVista where it is installed
-    plotter = sc.output.scene(result, stress=mises, units=units, cmap="turbo", off_screen=True)
-    plotter.window_size = (720, 540)
-    plotter.camera_position = [(44, -62, 58), (38, 0, -3), (0, 0, 1)]
-    seen = left.subplots()
-    seen.imshow(plotter.screenshot(return_img=True))
-    seen.axis("off")
-    plotter.close()
-except sc.errors.InputError:
-    seen = left.add_subplot(projection="3d")
-    sc.plot_deformed(result, stress=mises, ax=seen, units=units, cmap="turbo", obstacles=False)
+sc.plot_deformed(
+    result, stress=mises, ax=left.subplots(), units=units, cmap="turbo", obstacles=False,
+    viewer=(6, -62, 61),
+)  # fmt: skip
 over = right.subplots()
 along = (values.points[:, 0] - r1) / np.cos(alpha)  # along the flank from the pitch point
 order = middle[np.argsort(along[middle])]

@@ -64,9 +64,7 @@ for mu in (0.05, 0.15, 0.2, 0.25, 0.3):
 # %% Lock-in over friction
 mus = np.linspace(0.02, 0.3, 29)
 swept = [modes(mu) for mu in mus]
-figure, axes = plt.subplot_mosaic(
-    "SA;SB", figsize=(10, 4.6), per_subplot_kw={"S": {"projection": "3d"}}, layout="constrained"
-)
+figure, axes = plt.subplot_mosaic("SA;SB", figsize=(10, 4.6), layout="constrained")
 result = smooth.with_friction(sc.Coulomb(mus[-1])).solve()
 shape = swept[-1].shapes[pair][0].real
 sc.plot_deformed(result, scale=1.0, u=2 * shape / np.abs(shape).max(), ax=axes["S"], obstacles=False)

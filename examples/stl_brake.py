@@ -87,16 +87,7 @@ sc.write_series(out / "stl_brake.pvd", results)
 figure = plt.figure(figsize=(11, 4.4), layout="constrained")
 left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[1.2, 1]).flat
 units = {"length": "mm", "stress": "MPa"}
-try:
-    plotter = sc.output.scene(results[-1], units=units, off_screen=True)
-    plotter.window_size = (720, 540)
-    plotter.camera_position = [(330, -260, 220), (100, 0, -20), (0, 0, 1)]
-    seen = left.subplots()
-    seen.imshow(plotter.screenshot(return_img=True))
-    seen.axis("off")
-    plotter.close()
-except sc.errors.InputError:  # without PyVista
-    sc.plot_deformed(results[-1], ax=left.add_subplot(projection="3d"), units=units)
+sc.plot_deformed(results[-1], ax=left.subplots(), units=units, viewer=(230, -260, 240))
 curve = right.subplots()
 curve.axhline(mu * F * mean / 1e3, color="k", lw=0.8, label="μ F r, all slips")
 curve.plot(1e6 * np.append(0, angle), torque / 1e3, "o-", ms=4, label="found")

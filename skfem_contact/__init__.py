@@ -16,11 +16,10 @@ From the solver to the law of friction a load step passes, in this order::
     history/stepping          advance                  parts of the step, each on its own pairing
     history/stepper           Stepper.attempt          one attempt, on one pairing, from one start
     loops/driver              drive                    counts iterations, and stops them
-    loops/multipliers         through_springs          once more, while springs of points have a strain
     loops/active_set          newton                   solves for a set of points, and corrects it
     loops/complementarity     Projection.proposal      what the answer asks every point to change to
     conditions/friction_rule  FrictionRule             bounds and forces of all laws
-    conditions/return_map     radial_return            the force within its bound
+    conditions/friction       radial_return            the force within its bound
 
 The packages stand in the order of the theory, and each imports only from those above it:
 

@@ -11,6 +11,11 @@ from numpy.typing import NDArray
 from skfem_contact.arguments import check_unmasked, shown
 from skfem_contact.errors import InputError
 
+#: Of numbers, of numbers of nodes and the like, and of what is chosen among them.
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
 
 def rectangular(value: Any, what: str, wanted: str) -> NDArray[Any]:
     """An array of whatever type; lists that are nested to different depths make none.
@@ -48,6 +53,18 @@ def largest(values: NDArray[np.float64]) -> float:
     """
     found = float(values.item(values.argmax())) if values.size else 0.0
     return 0.0 if found < 0.0 else found
+
+
+def off_segments(points: Array, start: Array, along: Array) -> Array:
+    """Vectors (..., d) from the nearest places of segments to points; segments may be points.
+
+    >>> off_segments(np.array([3.0, 1.0]), np.zeros(2), np.array([2.0, 0.0])).tolist()
+    [1.0, 1.0]
+    """
+    away = points - start
+    square = np.maximum(np.einsum("...d,...d->...", along, along), np.finfo(float).tiny)
+    part = np.clip(np.einsum("...d,...d->...", away, along) / square, 0.0, 1.0)
+    return np.asarray(away - part[..., None] * along)
 
 
 def block_diagonal(blocks: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:

@@ -8,31 +8,20 @@ from 3.12 on computes what several threads want as many times.
 
 from __future__ import annotations
 
+from _thread import RLock
 from collections.abc import Callable
-from threading import RLock
 from typing import Any, Generic, TypeVar, overload
 
 T = TypeVar("T")
 
 
-class Lock:
+class Lock(RLock):  # type: ignore[misc]  # final in the stubs of its module, not in it
     """A lock that a thread may take again while it has it; copies and pickles have one of their own.
 
     >>> import pickle
     >>> with pickle.loads(pickle.dumps(Lock())):
     ...     pass
     """
-
-    __slots__ = ("_lock",)
-
-    def __init__(self) -> None:
-        self._lock = RLock()
-
-    def __enter__(self) -> None:
-        self._lock.acquire()
-
-    def __exit__(self, *failed: object) -> None:
-        self._lock.release()
 
     def __reduce__(self) -> tuple[type[Lock], tuple[()]]:
         return Lock, ()

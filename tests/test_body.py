@@ -10,8 +10,7 @@ from quick_elasticity import linear_elasticity
 from skfem.models.poisson import laplace
 
 from skfem_contact import Body, Contact, ContactSolver, RigidPlane
-from skfem_contact.bodies import stack
-from skfem_contact.bodies.pieces import pieces
+from skfem_contact.bodies import pieces, stack
 from skfem_contact.errors import InputError
 
 ELASTIC = linear_elasticity()

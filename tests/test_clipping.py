@@ -79,14 +79,14 @@ def test_fans_cover_their_polygons(round_middle):
     """Triangles of every polygon look the same way round and add up to its area and its moment."""
     rng = np.random.default_rng(4)
     polygons = clip(convex(rng, 200, 4), convex(rng, 200, 4))
-    whose, triangles = polygons.fans(round_middle)
+    whose, triangles = polygons.simplices(round_middle)
     areas = signed_areas(triangles)
     assert areas.min() >= -ROUND_OFF
     assert_allclose(np.bincount(whose, areas, 200), polygons.areas, rtol=0, atol=ROUND_OFF)
     if not round_middle:
         assert np.bincount(whose, minlength=200).max() == polygons.count.max() - 2
     moment = areas[:, None] * triangles.mean(axis=1)
-    other, expected = polygons.fans(not round_middle)
+    other, expected = polygons.simplices(not round_middle)
     expected = signed_areas(expected)[:, None] * expected.mean(axis=1)
     for k in range(2):
         sums = [np.bincount(of, m[:, k], 200) for of, m in ((whose, moment), (other, expected))]
@@ -94,10 +94,12 @@ def test_fans_cover_their_polygons(round_middle):
 
 
 def test_distances_from_polygons():
-    """Zero inside, to the nearest edge or corner outside, whatever corners are repeated."""
+    """How far beyond edges: zero inside, whatever corners are repeated; beyond ends of intervals."""
     square = Polygons(np.concatenate([SQUARE, SQUARE[-1:]])[None], np.array([4]))
     points = np.array([[[0.5, 0.5], [0.5, -2.0], [4.0, 5.0], [1.0, 0.3]]])
-    assert_allclose(square.distances(points), [[0.0, 2.0, 5.0, 0.0]], rtol=0, atol=ROUND_OFF)
+    assert_allclose(square.beyond(points), [[0.0, 2.0, 4.0, 0.0]], rtol=0, atol=ROUND_OFF)
+    interval = Polygons(np.array([[[1.0], [3.0]]]), np.array([2]))
+    assert interval.beyond(np.array([[[0.0], [2.0], [4.5]]])).tolist() == [[1.0, 0.0, 1.5]]
 
 
 def test_of_layers_the_nearest_counts():

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import skfem as fem
-from bolted import clamped, parts, pull_of
+from bolted import TIGHTEN, clamped, parts, pull_of, stack
 from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 from rectangles import block, rectangle
-from states import NUMBERS, QUANTITIES, State, box, forward, quantities, worst
+from states import NUMBERS, QUANTITIES, State, box, differences, forward, quantities, worst
 
 import skfem_contact as sc
 
@@ -132,6 +132,44 @@ def test_ellipses_have_derivatives():
     state = State(0, 3, law)
     assert any(np.any(r.status == 2) for r in state.results)
     assert worst(state, "displacement", 1e-4) < CLOSE
+    # by one factor on both coefficients, between two scenes
+    ends = [state.solver("friction", side * 1e-4) for side in (-1, 1)]
+    found = forward(state.results, sc.answers.Parameter("scene", between=(*ends, 2e-4)))
+    wanted = differences(state, "friction", 1e-4)
+    for name in ("force", "pressure", "slip"):
+        assert_allclose(getattr(found, name), wanted[name], atol=CLOSE * np.abs(wanted[name]).max())
+    ends[1] = State(0, 3, lambda mu: sc.conditions.OrthotropicCoulomb((mu, 0.5 * mu), (1.0, 0.3, 0.0)))
+    other = sc.answers.Parameter("scene", between=(ends[0], ends[1].as_it_is, 2e-4))
+    with pytest.raises(sc.errors.InputError, match="change both coefficients by one factor"):
+        state.results[0].sensitivity(other)
+
+
+def test_bodies_that_stretch_have_derivatives():
+    """A factor on a stiffness is one on internal forces; and the same by two scenes of rubber."""
+    bases = (
+        rectangle(np.linspace(-1, 1, 6), np.linspace(-1, 0, 3)),
+        rectangle(np.linspace(-0.6, 0.6, 5), np.linspace(0, 1, 2)),
+    )
+    steps = [{"x": {"up": {"top": (0.025, -0.05)}}}]
+
+    def solver(shift):
+        rubber = sc.materials.NeoHooke(0.4 * (1 + shift), 0.6 * (1 + shift))
+        low = sc.NonlinearBody(bases[0], rubber, D="bottom", name="low")
+        up = sc.Body(bases[1], linear_elasticity(10.0, 7.0), D="top", name="up")
+        joint = sc.Contact(
+            up.surface("bottom"), low.surface("top"), friction=sc.Coulomb(0.15), name="joint"
+        )
+        return sc.ContactSolver([low, up], joint, options=sc.Options(tolerance=1e-14))
+
+    h, results = 1e-4, list(solver(0.0).history(steps))
+    assert {1, 2} <= set(results[-1].status)
+    less, more = (quantities(list(solver(side * h).history(steps))[-1]) for side in (-1, 1))
+    scene = sc.answers.Parameter("scene", between=(solver(-h), solver(h), 2 * h))
+    for by in (sc.answers.Parameter("stiffness", of="low"), scene):
+        found = forward(results, by)
+        for name in QUANTITIES:
+            wanted = (more[name] - less[name]) / (2 * h)
+            assert_allclose(getattr(found, name), wanted, atol=CLOSE * np.abs(wanted).max())
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -220,6 +258,8 @@ def test_loads_and_tools_by_differences():
         forward(results, sc.answers.Parameter("load", of="block", along=load)),
         results[-1].sensitivity(move),
     )
+    unloaded = list(solver.history([*steps, 0.0]))[-1]  # a number of times the loads
+    assert not np.any(unloaded.sensitivity(sc.answers.Parameter("load", along=load)).u)
     for k, own in enumerate(found):
         h = 1e-6
         shifts = [(side * h, 0.0) if k == 0 else (0.0, side * h) for side in (-1, 1)]
@@ -229,6 +269,33 @@ def test_loads_and_tools_by_differences():
         for name in QUANTITIES:
             wanted = (high[name] - low[name]) / (2 * h)
             assert_allclose(getattr(own, name), wanted, rtol=CLOSE, atol=1e-7 * np.abs(wanted).max())
+
+
+def test_forces_and_moments_of_a_rigid_body():
+    """Turns are in units of their own."""
+    low = sc.Body(State(4, 2).bases[1], linear_elasticity(1.0, 0.7), D="top", name="low")
+    down = sc.RigidPlane((0, 0), (0, 1))
+    die = sc.RigidBody(down, about=(0.3, -0.2), D=("x",), name="die")
+    foot = sc.Contact(low.surface("bottom"), die, friction=sc.Coulomb(0.3), name="foot")
+    solver = sc.ContactSolver([low, die], foot, options=sc.Options(tolerance=1e-14))
+    given = {
+        "load": ("f", np.array([0.0, 0.01, 0.0005]), (0.0, 0.5, 0.02)),
+        "displacement": ("x", np.array([0.001, 0.0, 0.0]), (1.0, 0.0, 0.0)),
+    }
+    step = {key: {"die": tuple(own)} for key, own, _ in given.values()}
+    [result] = solver.history([step])
+    assert {0, 1, 2} == set(result.status)
+    for kind, (key, own, along) in given.items():
+        by = sc.answers.Parameter(kind, "die", along=along)
+        ends = [step | {key: {"die": tuple(own + h * np.array(along))}} for h in (-1e-6, 1e-6)]
+        less, more = (quantities(*solver.history([end])) for end in ends)
+        found = result.sensitivity(by)
+        for name in QUANTITIES:
+            wanted = (more[name] - less[name]) / 2e-6
+            assert_allclose(getattr(found, name), wanted, atol=CLOSE * np.abs(wanted).max())
+        field = sc.answers.Parameter(kind, "die", field=True)
+        parts = solver.gradient(whole, [step], by=[field, by]).parts
+        assert parts[0] @ along == pytest.approx(parts[1], rel=1e-11)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -617,6 +684,16 @@ def test_bolts_have_the_derivatives_of_springs(given, again):
             results[0].sensitivity("load").dot({"bolts": bolts})
     with pytest.raises(sc.errors.InputError, match="no such bolt; there are M"):
         results[0].sensitivity(sc.answers.Parameter("bolt_force", of="N"))
+
+
+def test_a_clamped_stack_has_the_derivatives_of_springs():
+    """Tied and free contacts on one rigid head: the bolt takes its share of a load, 2e5 to 8e5."""
+    pull = 0.5
+    results = list(stack().history([TIGHTEN, {"f": {"head": (0, pull, 0)}}]))
+    wanted = {"load": (0.2 * pull, 0.0), "bolt_force": (1.0, 1 / 2e5 + 1 / 8e5)}
+    for by, values in wanted.items():
+        found = forward(results, sc.answers.Parameter(by)).bolts["M"]
+        assert_allclose(found, values, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.slow

@@ -98,6 +98,22 @@ def test_every_public_name_has_an_example(name: str) -> None:
     assert ">>> " in (PUBLIC[name].__doc__ or "")
 
 
+#: Words that begin a fragment: what a thing is, in the place of a sentence.
+FRAGMENT = re.compile(r"(What|Whether|Those|That|How|Where|Which|Of|From|By|In|If|When|For)\b")
+
+
+def test_public_docstrings_open_with_a_sentence() -> None:
+    """The first line of public names, methods and attributes is understood without the code."""
+    found = []
+    for name, thing in PUBLIC.items():
+        inside = vars(thing) if inspect.isclass(thing) else {}
+        known = {f"{name}.{k}": getattr(v, "func", v) for k, v in inside.items() if k[0] != "_"}
+        for key, value in {name: thing, **known}.items():
+            words = inspect.getdoc(value) if callable(value) or isinstance(value, property) else None
+            found += [key] if words and FRAGMENT.match(words) else []
+    assert not found
+
+
 def test_the_users_site_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
     """All that users read, code included; what only checks the library is in docs/checks."""
     monkeypatch.syspath_prepend(str(DOCS.parent / "benchmarks"))

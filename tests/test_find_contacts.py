@@ -372,12 +372,20 @@ def test_pairs_are_chosen_by_name_pattern_body_and_function():
 def test_pairs_are_drawn(d):
     """A colour and a line of the legend for each."""
     pytest.importorskip("matplotlib")
-    from matplotlib import pyplot
+    from matplotlib import colors, pyplot
 
+    if d == 3:
+        pytest.importorskip("pyvista")
     pairs = sc.find_contacts(stack(d, 1, 1, 1), within=0.01)
     ax = sc.output.plot_pairs(pairs)
     assert [text.get_text() for text in ax.get_legend().get_texts()] == list(pairs.names)
-    assert len(ax.collections) == 3 + 2 * 2
+    if d == 2:
+        assert len(ax.collections) == 3 + 2 * 2
+    else:  # one picture of all, which has both colours
+        pixels = np.asarray(ax.images[0].get_array())[..., :3].reshape(-1, 3).astype(int)
+        for line in ax.get_lines():
+            colour = 255 * np.array(colors.to_rgb(line.get_color()))
+            assert np.any(np.all(np.abs(pixels - colour) < 40, axis=1))
     ax.figure.canvas.draw()
     pyplot.close("all")
     with pytest.raises(sc.errors.InputError, match="no pairs to draw"):

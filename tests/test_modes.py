@@ -284,6 +284,34 @@ def test_shapes_are_drawn_and_written(tmp_path):
         sc.plot_deformed(result, u=np.ones(3))
 
 
+@pytest.mark.parametrize("D, known", [("left", 4), (None, 6)])
+def test_points_with_a_mass_on_springs(D, known):
+    """Bodies without a mass are their springs: as many modes as masses have, by LAPACK."""
+    plain = bar(0, 4, 16, D=D)
+    mass = np.zeros(plain.n)
+    mass[plain.basis.nodal_dofs[:, [-1, -20, -38][: known // 2]]] = 3.0
+    body = bar(0, 4, 16, D=D, mass=csr_matrix(np.diag(mass)))
+    free = np.setdiff1d(np.arange(body.n), body.D)
+    K, M = (A.toarray()[np.ix_(free, free)] for A in (body.K, body.mass))
+    shift = 1e-3  # masses that are zero have modes of the inverse alone
+    inverse = eigh(M, K + shift * M, eigvals_only=True)[::-1][:known]
+    wanted = np.sqrt(np.maximum(1 / inverse - shift, 0.0)) / (2 * np.pi)
+    for n in (1, known):
+        assert_allclose(alone(body, n).frequency, wanted[:n], rtol=1e-9, atol=1e-7)
+    with pytest.raises(sc.errors.InputError, match="singular on what is free to move"):
+        alone(body, known + 1)
+    if D is not None:  # a mass that moves one way only
+        ones = np.outer(np.ones(20), np.ones(20))
+        small = bar(0, 1, 1, D=D, mass=csr_matrix(ones))
+        free = np.setdiff1d(np.arange(small.n), small.D)
+        gives = np.linalg.inv(small.K.toarray()[np.ix_(free, free)]).sum()
+        assert alone(small, 1).frequency[0] == pytest.approx(1 / np.sqrt(gives) / (2 * np.pi), rel=1e-9)
+    else:  # one mass does not resist a turn about it
+        body = bar(0, 4, 16, mass=csr_matrix(np.diag(mass * (np.arange(body.n) > body.n - 3))))
+        with pytest.raises(sc.errors.InputError, match="singular on what is free to move"):
+            alone(body, 1)
+
+
 @pytest.mark.parametrize("n", [1, 3, 40])
 def test_masses_that_move_nothing_are_refused(n):
     """A mass of rank one, none at all, one at supports alone, and a negative one."""

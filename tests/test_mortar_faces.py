@@ -95,7 +95,7 @@ def covers(kind):
     polygons = slim + rng.uniform(-0.2, 1.2, (4000, 1, 2))
     parts = clip(polygons, np.broadcast_to(at, (4000, *at.shape)))
     parts = parts.some(np.flatnonzero(parts.areas > 1e-6))
-    whose, triangles = parts.fans(round_middle=True)
+    whose, triangles = parts.simplices(round_middle=True)
     xi, w = FACETS["tri3"].quadrature(8)
     N, _ = FACETS[kind].shapes(FACETS["tri3"].shapes(xi)[0] @ triangles)
     return N, 2 * signed_areas(triangles)[:, None] * w, whose, len(parts.count)

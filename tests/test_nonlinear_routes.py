@@ -148,3 +148,30 @@ def test_surfaces_that_turn_under_small_sliding_are_named() -> None:
     solver.solve(x={"tool": {"top": (0.0, -0.2)}})  # by .04: without a word
     with pytest.warns(sc.ContactWarning, match="'tip' have turned by 0.2"):
         solver.solve(x={"tool": {"top": (0.0, -1.0)}})
+
+
+def test_memory_of_factors_is_used_again_when_nobody_reads_it() -> None:
+    """A tangent is factorised where the one before was; not while a response still reads that."""
+    mesh = fem.MeshQuad().refined(3).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    body = sc.NonlinearBody(basis, sc.Elastic(1.0, 0.3), D="bottom")
+    free = np.setdiff1d(np.arange(body.n), body.D)
+    top = np.searchsorted(free, basis.get_dofs("top").flatten())
+    inside = np.setdiff1d(np.arange(len(free)), top)
+    given = np.cos(inside), np.zeros((len(top), len(top)))  # forces; what is kept is held
+
+    def condensed(scale: float) -> Any:
+        return sc.linalg.Direct().condensed(body, scale * body.K, free, top)
+
+    factor = condensed(1.0)
+    response = factor.response(inside)
+    found = response(*given)
+    where = factor.panels[0][0].ctypes.data
+    del factor
+    other = condensed(2.0)
+    assert np.array_equal(response(*given), found)
+    assert other.panels[0][0].ctypes.data != where
+    del response
+    again = condensed(4.0)
+    assert again.panels[0][0].ctypes.data == where
+    np.testing.assert_allclose(4 * again.response(inside)(*given), found, rtol=1e-13)

@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import petsc_scenes
@@ -24,7 +23,7 @@ from test_linear import body, modes_of
 
 import skfem_contact as sc
 from skfem_contact.petsc import Layout, bisected, command_line, directions, together
-from skfem_contact.petsc.ranks import ranks, receive, send
+from skfem_contact.petsc.ranks import ranks
 
 MISSING = [name for name in ("petsc4py", "mpi4py") if find_spec(name) is None]
 MISSING += [] if shutil.which("mpirun") else ["mpirun"]
@@ -123,37 +122,6 @@ def test_the_command_line_is_read_for_options_of_this_library_alone(
     ]
     monkeypatch.setattr(sys, "argv", words)
     assert command_line() == ["script.py", *words[4:6], "-sc_ksp_monitor", *words[8:]]
-
-
-@pytest.mark.parametrize(
-    "array",
-    [
-        np.arange(6.0).reshape(2, 3).astype(np.dtype(float).newbyteorder("<")),
-        np.arange(6.0).reshape(2, 3).astype(">f8"),
-        np.asfortranarray(np.arange(6).reshape(2, 3)),
-        np.arange(12.0).reshape(4, 3)[::2] > 2,
-        np.zeros((0, 3)),
-    ],
-    ids=["named order of bytes", "other order of bytes", "columns", "steps", "empty"],
-)
-def test_arrays_of_any_kind_are_sent(array: np.ndarray) -> None:
-    """mpi4py takes buffers whose format is a plain letter."""
-    sent: list = []
-
-    def take(piece: np.ndarray, **to: int) -> None:
-        assert len(memoryview(piece).format) == 1
-        sent.append(piece)
-
-    def give(piece: np.ndarray, **source: int) -> None:
-        piece[:] = sent.pop(0)
-
-    comm = SimpleNamespace(
-        send=lambda x, dest: sent.append(x), Send=take, recv=lambda source: sent.pop(0), Recv=give
-    )
-    send(comm, [array], 1)
-    (found,) = receive(comm, 0)
-    assert found.shape == array.shape and found.dtype.isnative
-    assert np.array_equal(found, array)
 
 
 # -- by mpirun --------------------------------------------------------------------------------

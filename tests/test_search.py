@@ -40,6 +40,9 @@ WANTED = {  # of two pages the first that there is
     "finite sliding": ["sliding.md"],
     "restart": ["recipes/restart.md"],
     "STEP": ["assemblies.md"],
+    "bearing": ["recipes/pin.md"],
+    "rocking": ["recipes/pin.md"],
+    "torque capacity": ["recipes/press_fit.md"],
 }
 
 

@@ -640,7 +640,7 @@ def spoiled(result, name, shift):
     part = u[result.system.slice(name)]
     part += np.asarray(shift)[body.dof_component]
     wrong = replace(answer_of(result), recover=lambda: u)
-    wrong.diagnose(replace(wrong.diagnostics, meetings={}))  # what the step has measured
+    wrong.diagnostics = replace(wrong.diagnostics, meetings={})  # what the step has measured
     return sc.answers.ContactResult(wrong)
 
 

@@ -236,7 +236,7 @@ def pulled(block, part, u):
 def spoiled(answer, u):
     wrong = replace(answer)
     vars(wrong)["u"] = u
-    wrong.diagnose(replace(answer.diagnostics, meetings={}))  # what the step has measured
+    wrong.diagnostics = replace(answer.diagnostics, meetings={})  # what the step has measured
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return sc.answers.ContactResult(wrong).validity
@@ -394,11 +394,13 @@ def test_slips_of_friction_are_vectors_less_what_obstacles_give():
     track = Track(contact, pairing, np.zeros(len(pairing.gap)))
     m = len(pairing.gap)
     given = np.tile([0.5, 0.0], (m, 1))
-    slip = track.slip(np.tile([1.0, 2.0, 0.0], (m, 1)), given)
+    still, closed = np.zeros((m, 3)), np.ones(m, dtype=bool)
+    vectors = np.tile([1.0, 2.0, 0.0], (m, 1))
+    slip, spread = track.slip(vectors, given, still, closed)
     np.testing.assert_allclose(slip, [1.0, 2.0, 0.0] - 0.5 * pairing.tangent[:, 0])
-    assert track.spread(slip, np.ones(m, dtype=bool)) == pytest.approx(0.0, abs=1e-15)
-    slip[0] += [0.3, 0.4, 0.0]
-    assert track.spread(slip, np.ones(m, dtype=bool)) == pytest.approx(0.5)
+    assert spread == pytest.approx(0.0, abs=1e-15)
+    still[0] = [-0.3, -0.4, 0.0]  # supports drag the first one back
+    assert track.slip(vectors, given, still, closed)[1] == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize("numbers", [(5, 7), (3, 4)])
@@ -441,6 +443,6 @@ def test_boundaries_are_compared_once_for_the_warning_and_the_measure():
     result, _ = quiet(dragged((0.0, 0.0)))
     answer = answer_of(result)
     seen = answer.diagnostics.meetings[0]
-    answer.diagnose(replace(answer.diagnostics, meetings={0: replace(seen, overlap=0.25)}))
+    answer.diagnostics = replace(answer.diagnostics, meetings={0: replace(seen, overlap=0.25)})
     with pytest.warns(sc.ContactWarning, match="overlap by up to 0.25"):
         assert result.validity.contacts["joint"].overlap == 0.25

@@ -17,7 +17,7 @@ WHOLE = (0.0, 0.0, 1.0, 1.0)
 PARTS = {
     "hertz": (0.0, 0.0, 0.53, 1.0),
     "stl_brake": (0.0, 0.1, 0.54, 1.0),
-    "ball_joint": (0.08, 0.08, 0.465, 0.82),
+    "ball_joint": (0.08, 0.04, 0.45, 0.76),
     "gear_pair": (0.0, 0.0, 0.53, 1.0),
     "press_fit": (0.0, 0.0, 0.28, 1.0),
     "heat_across_interface": (0.0, 0.13, 0.25, 0.82),
@@ -25,12 +25,12 @@ PARTS = {
     "adaptive_hertz": (0.0, 0.0, 0.53, 1.0),
     "clutch": (0.0, 0.0, 0.51, 1.0),
     "mindlin_ball": (0.0, 0.0, 0.5, 1.0),
-    "block_on_slope": (0.7, 0.1, 0.905, 0.4),
+    "block_on_slope": (0.68, 0.05, 0.905, 0.3),
     "wedge": (0.0, 0.0, 1.0, 0.5),
-    "belt": (0.015, 0.22, 0.265, 0.7),
+    "belt": (0.0, 0.12, 0.3, 0.62),
     "own_friction_law": (0.0, 0.0, 0.5, 0.6),
     "bolted_flange": (0.0, 0.05, 0.42, 1.0),
-    "tightened_flange": (0.0, 0.0, 0.33, 0.35),
+    "tightened_flange": (0.34, 0.0, 0.67, 0.34),
     "lap_joint": WHOLE,
     "leaking_flange": (0.66, 0.0, 1.0, 1.0),
     "die_set": (0.0, 0.0, 0.5, 1.0),
@@ -45,8 +45,8 @@ PARTS = {
     "rubber_ironing": (0.0, 0.0, 1.0, 0.62),
     "wear": (0.01, 0.1, 0.31, 0.92),
     "fretting_map": (0.0, 0.0, 0.6, 1.0),
-    "fretting_calibration": (0.06, 0.13, 0.38, 0.75),
-    "squeal": (0.05, 0.17, 0.39, 0.78),
+    "fretting_calibration": (0.0, 0.06, 0.41, 0.72),
+    "squeal": (0.03, 0.05, 0.425, 0.76),
 }
 #: The largest width and height [pixels], and the number of colours.
 SIZE, COLOURS = (400, 280), 64

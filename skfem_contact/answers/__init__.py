@@ -1,8 +1,8 @@
 """Answers, and what can be said of them.
 
 * `answer`: all numbers of a load step, for the modules of this library, and forces of supports;
-  `fields`, `values`: those of each contact, between its points and at them; `placed`, `newton`: where
-  bodies that are not linear are and what they remember, and how their residuals fell;
+  `fields`, `values`: those of each contact, between its points and at them; `placed`: where bodies
+  that are not linear are and what they remember, and how their residuals fell;
 * `certificate`: how well the discrete equations hold; `uniqueness`: whether there are other answers, by
   the `pieces` of the equation, or a proof that there is only one; other forces;
 * `validity`: whether the model holds; `error`: how far the mesh may be off;
@@ -18,8 +18,6 @@ from skfem_contact.entrances import entrances
 
 if TYPE_CHECKING:
     from skfem_contact.answers.certificate import Certificate as Certificate
-    from skfem_contact.answers.error.sources import ErrorEstimate as ErrorEstimate
-    from skfem_contact.answers.error.sources import ErrorSources as ErrorSources
     from skfem_contact.answers.result import ContactResult as ContactResult
     from skfem_contact.answers.tangent.changes import Parameter as Parameter
     from skfem_contact.answers.tangent.modes import Modes as Modes
@@ -30,6 +28,8 @@ if TYPE_CHECKING:
     from skfem_contact.answers.validity.validity import Drift as Drift
     from skfem_contact.answers.validity.validity import Validity as Validity
     from skfem_contact.answers.values import ContactValues as ContactValues
+    from skfem_contact.answers.values import ErrorEstimate as ErrorEstimate
+    from skfem_contact.answers.values import ErrorSources as ErrorSources
 
 __all__ = [
     "Certificate",
@@ -53,9 +53,8 @@ __getattr__, __dir__ = entrances(
     {
         "answer": "answer_of",
         "certificate": "Certificate",
-        "error.net": "Net",
-        "error.sources": "ErrorEstimate ErrorSources",
-        "fields": "Segments closed_area contact_edge contour edge_positions find_edges interpolate",
+        "error.surface": "Net",
+        "fields": "contour interpolate",
         "pieces": "critical_friction orientation turning_springs",
         "result": "ContactResult",
         "tangent.changes": "Parameter",
@@ -72,6 +71,6 @@ __getattr__, __dir__ = entrances(
         "validity.track": "Rim Track curvatures node_lengths",
         "validity.validity": "ContactValidity Drift Validity",
         "validity.words": "facet_words",
-        "values": "ContactValues",
+        "values": "ContactValues ErrorEstimate ErrorSources",
     },
 )

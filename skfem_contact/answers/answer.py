@@ -11,11 +11,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skfem_contact.answers.newton import Newton
-from skfem_contact.answers.placed import Placed, point_forces
+from skfem_contact.answers.placed import Newton, Placed, point_forces
 from skfem_contact.answers.validity.validity import Diagnostics
+from skfem_contact.arrays import Array
 from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.boundaries import boundary_dofs
@@ -23,11 +22,11 @@ from skfem_contact.bodies.linearizable import State as Internal
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.friction_rule import FrictionRule
+from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.interface import point_slices
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import OPEN, Identity, LocalState, State
+from skfem_contact.conditions.state import Identity, LocalState, State
 from skfem_contact.errors import InputError
 from skfem_contact.loops.step import Record
 from skfem_contact.once import once
@@ -38,8 +37,6 @@ from skfem_contact.sealed import seal, sealed
 
 if TYPE_CHECKING:
     from skfem_contact.answers.certificate import Certificate
-
-Array = NDArray[np.float64]
 
 
 @dataclass(eq=False)
@@ -83,7 +80,8 @@ class Answer:
     newton : Newton
         Their linearisations.
     diagnostics : Diagnostics
-        What every step tells of the bounds of the model; `validity` has more.
+        What every step tells of the bounds of the model, set once it has been looked at; `validity` has
+        more.
     """
 
     model: LinearModel
@@ -118,21 +116,11 @@ class Answer:
 
     def __post_init__(self) -> None:
         # points without a multiplier of their own show the gap of the point that has it
-        object.__setattr__(self, "gap", self.gap[self.kin.heir])
+        self.gap = self.gap[self.kin.heir]
         self._seal()
 
-    def diagnose(self, found: Diagnostics) -> None:
-        """What was seen of the model's validity; set while the answer is made, which seals it once."""
-        object.__setattr__(self, "diagnostics", found)
-
     def _seal(self) -> None:
-        for part in (self, self.state, self.case, self.conditions):
-            seal(part)
-        sealed(self.tangential_stiffness)
-        if self.seen is not self.case:
-            seal(self.seen)
-        if "u" in vars(self):
-            sealed(self.u)
+        seal(self, self.state, self.case, self.seen, self.conditions, self.model.interface)
 
     def __getstate__(self) -> dict[str, Any]:
         """All that reports and pictures need, without the factors of the bodies and functions."""
@@ -180,11 +168,16 @@ class Answer:
         """Return how the displacements changed last, of bodies that are not linear; see `Placed`."""
         return np.zeros(self.system.n) if self.placed is None else self.placed.trend
 
+    @property
+    def load(self) -> Array:
+        """Return the load on all bodies, that of fluids on the deformed boundary, (n,) [force]."""
+        return self.case.f if self.placed is None else self.case.f + self.placed.beyond
+
     @cached_property
     def internal(self) -> Array:
         """Internal forces of all bodies, (n,) [force]: ``K u`` of linear ones."""
         if self.placed is not None:
-            return self.placed.internal
+            return self.placed.internal + self.placed.beyond
         parts = [
             K @ self.u[self.system.slice(body)]
             for body, K in zip(self.system.bodies, self.stiffness, strict=True)
@@ -202,9 +195,7 @@ class Answer:
         last = self.before
         if last is None:
             return np.zeros(len(self.gap))
-        rule = FrictionRule(self.model.interface.laws, last.area, last.reference)
-        bound = rule.bound(last.normal_force, last.slip)
-        return sealed(np.where(last.status == OPEN, 0.0, bound))
+        return sealed(friction_bound(self.model.interface.laws, last))
 
     @cached_property
     def local(self) -> LocalState:
@@ -294,7 +285,7 @@ def reaction(answer: Answer, body: Member | str, boundary: str | None) -> Array:
             f"body {name!r} has no prescribed DOFs{place}, so no support pushes there. Forces of a "
             "contact are in result[contact].force."
         )
-    residual = answer.internal[span] - answer.case.f[span]
+    residual = answer.internal[span] - answer.load[span]
     residual -= contact_forces(answer)[span]
     if not isinstance(own, Body):  # force and moment: rotations are lengths in the system, see `scale`
         supports = np.zeros(own.n)

@@ -16,35 +16,30 @@ from numpy.typing import ArrayLike, NDArray
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.arguments import NamesAttributes, suggest
+from skfem_contact.arrays import Array
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.state import OPEN, SLIP
 from skfem_contact.errors import InputError
 
 if TYPE_CHECKING:
-    from skfem_contact.answers.error.sources import ErrorEstimate
-
-Array = NDArray[np.float64]
-
-
-def its(words: str) -> Any:
-    """A property of the only contact of a result: by its own name, of the type that it is annotated by.
-
-    For type checkers it is the annotation; the reference and `help` show the words.
-    """
-    return _Its(words)
+    from skfem_contact.answers.values import ErrorEstimate
 
 
 class _Its(property):
-    def __init__(self, words: str) -> None:
-        self.words = words
+    """A property of the only contact of a result, by its own name, of the annotated type."""
 
     def __set_name__(self, owner: type, name: str) -> None:
         def only(result: OfTheContact) -> Any:
             return getattr(result._only(name), name)
 
-        only.__doc__ = self.words
+        only.__doc__ = f"That of the only contact, see `ContactValues.{name}`."
         only.__annotations__["return"] = owner.__annotations__[name]
         super().__init__(only)
+
+
+def its() -> Any:
+    """For type checkers a value of the annotated type."""
+    return _Its()
 
 
 class OfTheContact(NamesAttributes, ABC):
@@ -57,55 +52,31 @@ class OfTheContact(NamesAttributes, ABC):
     def _only(self, name: str) -> ContactValues:
         """The values of the only contact; `name` is the property that is asked for."""
 
-    points: Array = its("Positions on the undeformed secondary surface, shape (m, d) [length].")
-    normal: Array = its("Unit normals from primary to secondary, shape (m, d).")
-    tangent: Array = its("Unit tangents, shape (m, d-1, d).")
-    area: Array = its("Tributary area of the points, shape (m,) [area].")
-    gap: Array = its("Positive where open, ``inf`` where a point has no partner, shape (m,) [length].")
-    slip: Array = its(
-        "Of the secondary relative to the primary, (m, d-1) [length]; see `ContactValues.slip`."
-    )
-    slip_vector: Array = its(
-        "The slip in global axes, shape (m, d) [length]; see `ContactValues.slip_vector`."
-    )
-    status: NDArray[np.intp] = its("0 open, 1 stick, 2 slip, shape (m,).")
-    pressure: Array = its(
-        "Not negative in compression, shape (m,) [stress]; see `ContactValues.pressure`."
-    )
-    traction: Array = its("Stress vector on the secondary, in global axes, shape (m, d) [stress].")
-    friction_stress: Array = its(
-        "Friction over tributary area along the tangents, shape (m, d-1) [stress]."
-    )
-    normal_force: Array = its("Compressive force of each point, shape (m,) [force].")
-    tangential_force: Array = its(
-        "Friction on the secondary along the tangents, shape (m, d-1) [force]."
-    )
-    tangential_force_vector: Array = its(
-        "Friction on the secondary in global axes, shape (m, d) [force]."
-    )
-    forces: Array = its("Force on the secondary at each point, in global axes, shape (m, d) [force].")
-    force: Array = its("Resultant on the secondary body, shape (d,) [force].")
-    force_on_primary: Array = its(
-        "Resultant on the other side, a body or a rigid obstacle, shape (d,) [force]."
-    )
-    moment: Callable[..., Any] = its(
-        "``moment(about)`` of the forces on the secondary; see `ContactValues.moment`."
-    )
-    contact_area: float = its("Area in contact, up to the edges between nodes [area].")
-    wear_depth: Array = its("Depth worn off so far, shape (m,) [length]; see `Archard`.")
-    worn_volume: float = its("Volume worn off so far [volume]; see `Archard`.")
-    contact_edges: Array = its(
-        "Where contact ends, within a facet: points (k, 2), in 3-D segments (s, 2, 3) [length]."
-    )
-    error_estimate: ErrorEstimate = its(
-        "Estimated error of pressure and friction, in 3-D a part of it; computed when asked for."
-    )
-    interpolate: Callable[[ArrayLike, ArrayLike], Array] = its(
-        "``interpolate(values, points)`` between the points; see `ContactValues.interpolate`."
-    )
-    integrate: Callable[[ArrayLike], Any] = its(
-        "``integrate(values)`` over the points; see `ContactValues.integrate`."
-    )
+    points: Array = its()
+    normal: Array = its()
+    tangent: Array = its()
+    area: Array = its()
+    gap: Array = its()
+    slip: Array = its()
+    slip_vector: Array = its()
+    status: NDArray[np.intp] = its()
+    pressure: Array = its()
+    traction: Array = its()
+    friction_stress: Array = its()
+    normal_force: Array = its()
+    tangential_force: Array = its()
+    tangential_force_vector: Array = its()
+    forces: Array = its()
+    force: Array = its()
+    force_on_primary: Array = its()
+    moment: Callable[..., Any] = its()
+    contact_area: float = its()
+    wear_depth: Array = its()
+    worn_volume: float = its()
+    contact_edges: Array = its()
+    error_estimate: ErrorEstimate = its()
+    interpolate: Callable[[ArrayLike, ArrayLike], Array] = its()
+    integrate: Callable[[ArrayLike], Any] = its()
 
 
 def values_of(answer: Answer) -> tuple[ContactValues, ...]:

@@ -2,7 +2,7 @@ r"""The certificate: how well an answer satisfies the equations, measured from t
 
 All numbers are dimensionless. Forces are divided by the largest force in the problem (load, contact
 or reaction), lengths by the extent of the bodies. Where unloaded bodies move rigidly, or a step takes
-all load back, all forces are round-off and nothing to divide by: the scale is then `SCALE_FLOOR` of the
+all load back, all forces are round-off and nothing to divide by: the scale is then `GIVEN` of the
 terms that cancel in ``K u``, or of the force that strains the softest body by one.
 """
 
@@ -14,17 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer, contact_forces
-from skfem_contact.answers.thresholds import NO_LOAD, SCALE_FLOOR
+from skfem_contact.answers.thresholds import NO_LOAD
 from skfem_contact.arguments import NamesAttributes
+from skfem_contact.arrays import Array
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.state import OPEN
-from skfem_contact.digits import COMPUTED
+from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.vectors import cross
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-
 
 # What is no round-off however well the equations are solved, and the line above it.
 OF_THE_MODEL = ("moment_gap", "moment_normal", "placement")
@@ -119,7 +117,7 @@ class Certificate(NamesAttributes):
 def certify(result: Answer) -> Certificate:
     """Measure the certificate of a result; needs the displacements of all bodies."""
     kin, state, system = result.kin, result.local, result.system
-    u, f = result.u, result.case.f
+    u, f = result.u, result.load
     contact = contact_forces(result)
     residual = result.internal - f - contact
     reactions = np.zeros(system.n)
@@ -130,7 +128,7 @@ def certify(result: Answer) -> Certificate:
     floor = 0.0
     if not f.any():
         noise = _largest_term(result)
-        floor = SCALE_FLOOR * noise if force < NO_LOAD * noise else 0.0
+        floor = GIVEN * noise if force < NO_LOAD * noise else 0.0
     if not (f.any() or result.case.x.any()):
         floor = max(floor, _nothing_acts(result, force))
     force = max(force, floor)
@@ -177,7 +175,7 @@ def _nothing_acts(result: Answer, force: float) -> float:
     """
     stiffest = [float(K.diagonal().max()) for K in result.stiffness if K.nnz]
     strained = min(stiffest, default=0.0) * result.system.extent
-    return SCALE_FLOOR * strained if force < float(np.finfo(float).eps) * strained else 0.0
+    return GIVEN * strained if force < float(np.finfo(float).eps) * strained else 0.0
 
 
 def _friction_violation(result: Answer, floor: float) -> float:
@@ -190,7 +188,7 @@ def _friction_violation(result: Answer, floor: float) -> float:
     """
     state, worst = result.local, 0.0
     # slips below this part of the displacements they are differences of have no digits
-    still = SCALE_FLOOR * _largest(result.u)
+    still = GIVEN * _largest(result.u)
     for contact, part, name in zip(result.contacts, result.slices(), result.names, strict=True):
         if contact.friction is None:
             continue

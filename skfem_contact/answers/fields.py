@@ -3,29 +3,21 @@ r"""Fields on a contact surface between its nodes: interpolation, the edge of co
 **Where does contact end?** A node knows only whether it is closed, which leaves an uncertainty of
 one facet. But next to the edge of any contact between smooth surfaces, at the distance ``r``, the
 pressure vanishes like ``r**(1/2)`` and the gap opens like ``r**(3/2)``: the leading term of the
-elastic field, whatever the bodies and loads. So ``gap**(2/3)`` is a straight line, and it is
-drawn through the second and third open node (the first is so close to the edge that its gap is
-mostly the error of the mesh); with fewer open nodes, through the first two, or midway. The edge
-is looked for between half a facet inside the last closed node and the first open one. On Hertz
-contact this is within .1 of the distance between nodes, wherever the edge lies.
-
-Where contact ends because the other surface does, the last closed node is the edge. Ends of the
-secondary surface that are closed are no edges.
-
-**In 3-D** it ends along lines on faces. There too ``h = gap**(2/3)`` is a straight function of the
+elastic field, whatever the bodies and loads. So ``h = gap**(2/3)`` is a straight function of the
 distance from the edge. At the nodes around the edge it is replaced by what its values at open nodes
-near by say, in the tangent plane of the node, by least squares with weights 1/distance^4: a plane,
-bent along the edge by a parabola, through what lies ahead of the node. Open nodes next to closed
-ones are not among these values if there are enough others: their gaps are so small that they are
-mostly the error of the mesh. So h has a sign on both sides of the edge. It is interpolated linearly
-over triangles, and its zero is the edge: segments across the triangles (marching triangles). On the
-gap of Hertz' contact, the area is found to 2 % with 3 faces to the radius, to 1 % with 6.
+near by say, along the tangents of the node, by least squares with weights 1/distance^4: a line or a
+plane, on faces bent along the edge by a parabola, through what lies ahead of the node. Open nodes next
+to closed ones are not among these values if there are enough others: their gaps are so small that they
+are mostly the error of the mesh. So h has a sign on both sides of the edge. It is interpolated linearly
+over pieces of curves and triangles, and its zero is the edge: points, or segments across the triangles
+(marching triangles). On Hertz contact this is within .1 of the distance between nodes, wherever the
+edge lies; the area of a round contact is found to 2 % with 3 faces to the radius, to 1 % with 6.
 
-Quadratic faces are cut along their nodes, quadrilaterals into the triangles round their centre, so
+Quadratic facets are cut along their nodes, quadrilaterals into the triangles round their centre, so
 that no diagonal is preferred. The edge is looked for between the first open node and halfway from
-the last closed one to the next, where contact ends because the other surface does at the last
-closed node. Where closed nodes have no others behind them, or too few open ones around, it is in
-the middle.
+the last closed one to the next; where contact ends because the other surface does, at the last closed
+node. Where closed nodes have no others behind them, or too few open ones around, it is in the middle.
+Ends of the secondary surface that are closed are no edges.
 """
 
 from __future__ import annotations
@@ -34,151 +26,16 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.answers.thresholds import REACH
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
-from skfem_contact.errors import InputError
 from skfem_contact.pairing.projection import project
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-
-
-@dataclass(frozen=True, eq=False)
-class Segments:
-    """A surface in 2-D as segments from node to node: the facets, or halves of quadratic ones.
-
-    Attributes
-    ----------
-    start, end : ndarray of int, shape (s,)
-        Nodes.
-    length : ndarray, shape (s,)
-        Along the surface [length].
-    area : ndarray, shape (s,)
-        Length times the `measure` of the body [area].
-    """
-
-    start: Index
-    end: Index
-    length: Array
-    area: Array
-
-    @classmethod
-    def of(cls, surface: ContactSurface) -> Segments:
-        """The segments of a surface, in the order of its facets."""
-        if surface.points.shape[1] != 2:
-            raise InputError(
-                f"surface {surface.label!r}: edges of contact, and estimates of errors that go by "
-                "them, are not implemented in 3-D yet"
-            )
-        chain = surface.facets[:, [0, 1] if surface.facets.shape[1] == 2 else [0, 2, 1]]
-        start, end = chain[:, :-1], chain[:, 1:]
-        chord = np.linalg.norm(surface.points[end] - surface.points[start], axis=2)
-        length = chord * (surface.lengths / chord.sum(axis=1))[:, None]
-        middle = 0.5 * (surface.points[start] + surface.points[end])
-        measure = surface.body.measure
-        weight = 1.0 if measure is None else measure(np.moveaxis(middle, -1, 0))
-        return cls(start.ravel(), end.ravel(), length.ravel(), (length * weight).ravel())
-
-    def after(self, forward: bool, m: int) -> Index:
-        """The segment that leaves each of m nodes along (or against) the surface; -1 where it ends."""
-        segment = np.full(m, -1)
-        segment[self.start if forward else self.end] = np.arange(len(self.start))
-        return segment
-
-
-@dataclass(frozen=True, eq=False)
-class Edges:
-    """The ends of contact.
-
-    Attributes
-    ----------
-    inside, outside : ndarray of int, shape (k,)
-        Closed node and its open neighbour.
-    segment : ndarray of int, shape (k,)
-        The segment between them.
-    part : ndarray, shape (k,)
-        Of the way from the closed to the open node, in [-0.5, 1].
-    """
-
-    inside: Index
-    outside: Index
-    segment: Index
-    part: Array
-
-
-def find_edges(segments: Segments, closed: NDArray[np.bool_], gap: Array) -> Edges:
-    """Locate the edges of contact by the rule of this module.
-
-    Parameters
-    ----------
-    segments : Segments
-    closed : ndarray of bool, shape (m,)
-    gap : ndarray, shape (m,)
-        ``inf`` where a point has no partner [length].
-
-    Examples
-    --------
-    A gap that opens as ``(x - 1.3)**(3/2)`` over nodes at 0, 1, 2, ...:
-
-    >>> x = np.arange(6)
-    >>> segments = Segments(x[:-1], x[1:], np.ones(5), np.ones(5))
-    >>> edges = find_edges(segments, x < 2, np.maximum(x - 1.3, 0.0) ** 1.5)
-    >>> print(edges.inside, edges.outside, edges.part.round(12))
-    [1] [2] [0.3]
-    """
-    ways = [_edges_along(segments, closed, gap, forward) for forward in (True, False)]
-    names = ("inside", "outside", "segment", "part")
-    columns = {k: np.concatenate([getattr(way, k) for way in ways]) for k in names}
-    order = np.lexsort((columns["outside"], columns["inside"]))
-    return Edges(**{name: column[order] for name, column in columns.items()})
-
-
-def _edges_along(segments: Segments, closed: NDArray[np.bool_], gap: Array, forward: bool) -> Edges:
-    segment = segments.after(forward, len(closed))
-    far_end = segments.end if forward else segments.start
-    open_next = (segment >= 0) & ~closed[far_end[segment]]
-    inside = np.flatnonzero(closed & open_next)
-    # the nodes beyond, their distances from the closed one, and whether they are open and known
-    node, reach, known = [inside], [np.zeros(len(inside))], [np.ones(len(inside), dtype=bool)]
-    for _ in range(3):
-        via = segment[node[-1]]
-        node.append(far_end[via])
-        reach.append(reach[-1] + segments.length[via])
-        known.append(known[-1] & (via >= 0) & ~closed[node[-1]] & np.isfinite(gap[node[-1]]))
-    height = [
-        np.maximum(np.where(there, gap[n], 0.0), 0.0) ** (2 / 3)
-        for n, there in zip(node, known, strict=True)
-    ]
-    place = np.where(known[1], 0.5 * reach[1], 0.0)
-    for i, j in ((1, 2), (2, 3)):
-        rise = height[j] - height[i]
-        rises = known[j] & (rise > 0)
-        run = np.divide(reach[j] - reach[i], rise, out=np.zeros(len(inside)), where=rises)
-        place = np.where(rises, reach[i] - run * height[i], place)
-    part = np.clip(place / reach[1], -0.5, 1.0)
-    return Edges(inside, node[1], segment[inside], part)
-
-
-def edge_positions(surface: ContactSurface, closed: NDArray[np.bool_], gap: Array) -> Array:
-    """Positions of the edges of contact, in the order of the points of the surface, (k, d)."""
-    edges = find_edges(Segments.of(surface), closed, gap)
-    part = edges.part[:, None]
-    return (1 - part) * surface.points[edges.inside] + part * surface.points[edges.outside]
-
-
-def closed_area(surface: ContactSurface, closed: NDArray[np.bool_], gap: Array) -> float:
-    """Area in contact, up to the edges [area]."""
-    segments = Segments.of(surface)
-    whole = closed[segments.start] & closed[segments.end]
-    edges = find_edges(segments, closed, gap)
-    return max(float(segments.area[whole].sum() + edges.part @ segments.area[edges.segment]), 0.0)
 
 
 def interpolate(surface: ContactSurface, values: Array, points: Array) -> Array:
@@ -195,11 +52,6 @@ def interpolate(surface: ContactSurface, values: Array, points: Array) -> Array:
     -------
     ndarray, shape (p, ...)
     """
-    points = np.atleast_2d(np.asarray(points, dtype=float))
-    if points.ndim != 2 or points.shape[1] != surface.points.shape[1]:
-        raise InputError(
-            f"points have shape {points.shape}; give positions (p, {surface.points.shape[1]})"
-        )
     few = min(4, len(surface.facets))
     middle = surface.points[surface.facets].mean(axis=1)
     near = np.asarray(Tree(middle).query(points, k=few)[1]).reshape(len(points), few)
@@ -216,17 +68,14 @@ def displaced(surface: ContactSurface, points: Array) -> ContactSurface:
     return replace(surface, points=points)
 
 
-Mask = NDArray[np.bool_]
-
-
 @dataclass(frozen=True, eq=False)
 class Contour:
-    """The ends of contact on faces, and its size.
+    """The ends of contact, and its size.
 
     Attributes
     ----------
-    segments : ndarray, shape (s, 2, 3)
-        The edge, in pieces in the order of the faces [length].
+    segments : ndarray, shape (s, d - 1, d)
+        The edge, in the order of the facets: points on curves, segments on faces [length].
     area : float
         Within it [area].
     heights : ndarray, shape (m,)
@@ -248,35 +97,12 @@ def contour(surface: ContactSurface, closed: Mask, gap: Array) -> Contour:
     gap : ndarray, shape (m,)
         ``inf`` where a point has no partner [length].
     """
-    corners = surface.kind.simplices
+    corners, d = surface.kind.simplices, surface.dim
     h = heights(surface, closed, gap)
-    height = with_centres(surface, h)[:, corners].reshape(-1, 3)
-    x = with_centres(surface, surface.points)[:, corners].reshape(-1, 3, 3)
+    height = with_centres(surface, h)[:, corners].reshape(-1, d)
+    x = with_centres(surface, surface.points)[:, corners].reshape(-1, d, d)
     part, segments = _cut(height, x)
     return Contour(segments, float(part @ simplex_areas(surface, x)), h)
-
-
-def contact_edge(surface: ContactSurface, closed: Mask, gap: Array) -> tuple[Array, Array]:
-    """The edge of contact, and how far from it nodes are, on curves and faces alike.
-
-    Returns
-    -------
-    pieces : ndarray, shape (s, 2, d)
-        In the plane points, as pieces without a length [length].
-    heights : ndarray, shape (m,)
-        Negative inside, and zero on the edge where they are interpolated.
-    """
-    if surface.dim == 3:
-        found = contour(surface, closed, gap)
-        return found.segments, found.heights
-    edges = find_edges(Segments.of(surface), closed, gap)
-    x, inside, part = surface.points, edges.inside, edges.part[:, None]
-    ends = (1 - part) * x[inside] + part * x[edges.outside]
-    if not len(ends):
-        return np.zeros((0, 2, 2)), np.where(closed, -1.0, 1.0)
-    outer = ~closed
-    outer[inside[edges.part < 0]] = True
-    return np.stack([ends, ends], axis=1), np.where(outer, 1.0, -1.0) * Tree(ends).distances(x)
 
 
 def heights(surface: ContactSurface, closed: Mask, gap: Array) -> Array:
@@ -317,11 +143,15 @@ def heights(surface: ContactSurface, closed: Mask, gap: Array) -> Array:
 
 
 def neighbours(surface: ContactSurface) -> csr_matrix:
-    """Return which nodes share a face, each with itself, as a matrix of ones (m, m)."""
-    nf, k = surface.facets.shape
-    entries = np.ones(nf * k), (np.repeat(np.arange(nf), k), surface.facets.ravel())
-    of_faces = csr_matrix(entries, shape=(nf, len(surface.points)))
-    beside = csr_matrix(of_faces.T @ of_faces)
+    """Return which nodes share a facet, or a part of a quadratic one, as a matrix of ones (m, m)."""
+    m, beside = len(surface.points), csr_matrix((len(surface.points),) * 2)
+    for part in surface.kind.parts:
+        nodes = surface.facets[:, part]
+        of_facet = np.repeat(np.arange(len(nodes)), nodes.shape[1])
+        entries = np.ones(nodes.size), (of_facet, nodes.ravel())
+        of_parts = csr_matrix(entries, shape=(len(nodes), m))
+        beside = beside + of_parts.T @ of_parts
+    beside = csr_matrix(beside)
     beside.data[:] = 1.0
     return beside
 
@@ -374,9 +204,9 @@ def _continued(
     slope = fit[row, 1:]
     slope /= np.maximum(np.linalg.norm(slope, axis=1), np.finfo(float).tiny)[:, None]
     ahead = np.einsum("pk,pk->p", along, slope)
-    across = along[:, 0] * slope[:, 1] - along[:, 1] * slope[:, 0]
+    across = np.linalg.norm(along - ahead[:, None] * slope, axis=1)
     # points of regular faces lie at 45 degrees to the slope: round-off must not choose among them
-    weight = np.where(ahead > (1.0 - GIVEN) * np.abs(across), weight, 0.0)
+    weight = np.where(ahead > (1.0 - GIVEN) * across, weight, 0.0)
     straight, some = least_squares(plane, weight, h[node], row, len(here))
     parabola = np.column_stack([plane, across**2])
     bent, more = least_squares(parabola, weight, h[node], row, len(here))
@@ -456,25 +286,24 @@ def with_centres(surface: ContactSurface, values: Array) -> Array:
 
 
 def _cut(height: Array, x: Array) -> tuple[Array, Array]:
-    """Negative share (t,) of triangles with these heights (t, 3), and the segments where it ends."""
-    inside = height < 0
+    """Negative share (t,) of simplices with these heights (t, d), and where it ends, (s, d - 1, d)."""
+    d, inside = x.shape[2], height < 0
     count = inside.sum(axis=1)
-    part = np.where(count == 3, 1.0, 0.0)
-    segments = np.zeros((len(height), 2, 3))
-    for k in range(3):  # the corner that is alone on its side
-        alone = ((count == 1) & inside[:, k]) | ((count == 2) & ~inside[:, k])
-        others = [(k + 1) % 3, (k + 2) % 3]
+    part, ends, met = np.where(count == d, 1.0, 0.0), x[:, 1:].copy(), (count > 0) & (count < d)
+    for k in range(d):  # the corner that is alone on its side
+        alone = met & (inside[:, k] == (count == 1)) & ((d == 3) | inside[:, k])
+        others = np.arange(k + 1, k + d) % d
         h, tip = height[alone][:, [k]], x[alone][:, k]
         other = height[alone][:, others]
         with np.errstate(invalid="ignore"):
             way = h / (h - other)
         # the edge is at the closed node where the open one has no partner
         way = np.where(np.isinf(other), 0.0, np.where(np.isinf(h), 1.0, way))
-        segments[alone] = tip[:, None] + way[..., None] * (x[alone][:, others] - tip[:, None])
+        ends[alone] = tip[:, None] + way[..., None] * (x[alone][:, others] - tip[:, None])
         own = way.prod(axis=1)
         part[alone] = np.where(count[alone] == 1, own, 1.0 - own)
-    long = np.any(segments[:, 0] != segments[:, 1], axis=1)
-    return part, segments[long]
+    met &= (d == 2) | np.any(ends[:, 0] != ends[:, -1], axis=1)
+    return part, ends[met]
 
 
 def _touched(beside: csr_matrix, marked: Mask) -> Mask:

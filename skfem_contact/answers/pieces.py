@@ -8,20 +8,16 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
-from skfem_contact.answers.thresholds import AS_STUCK, DIRECTIONS
+from skfem_contact.answers.thresholds import DIRECTIONS
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.state import OPEN, SLIP
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, divide, lu
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.thresholds import LOOSE
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 def critical_friction(space: PointSpace, status: Index, friction: Array, G: Array) -> Array:
@@ -154,7 +150,7 @@ def turning_springs(tangential_force: Array, slip: Array, G: Array, space: Point
     d = tangential_force / np.where(force > 0, force, 1.0)[:, None]
     across = np.eye(t) - d[:, :, None] * d[:, None, :]
     gives = np.divide(moved, force, out=np.full(m, np.inf), where=force > 0) + 1.0 / G
-    least = 1.0 / (AS_STUCK * np.max(np.diag(space.S)))
+    least = SOLVED / np.max(np.diag(space.S))  # a spring as stiff as that is as good as sticking
     c = 1.0 / np.maximum(gives, least)
     return np.asarray(c[:, None, None] * across)
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.linearizable import State
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.carried import copied
@@ -21,8 +22,6 @@ from skfem_contact.sealed import sealed
 
 if TYPE_CHECKING:
     from skfem_contact.problem.model import LinearModel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +74,9 @@ class Placed:
     stiffness : tuple of csr_matrix
         The tangent of each body; of linear ones the very matrix that they always have.
     internal : ndarray, shape (n,)
-        Internal forces [force].
+        Internal forces, less `beyond` [force].
+    beyond : ndarray, shape (n,)
+        By how much the load of fluids is another than on the undeformed boundary [force].
     material : tuple of State
         Internal variables of each body there; none of linear ones.
     trend : ndarray, shape (n,)
@@ -85,6 +86,7 @@ class Placed:
     u: Array
     stiffness: tuple[csr_matrix, ...]
     internal: Array
+    beyond: Array
     material: tuple[State, ...]
     trend: Array
 
@@ -100,10 +102,11 @@ class Placed:
                     "start has no internal variables of the bodies that are not linear here: it is a "
                     "state of linear ones. Begin without start, or with a state of this kind of bodies."
                 )
-        return cls(u, tuple(stiffness), np.zeros(system.n), states, trend)
+        zero = np.zeros(system.n)
+        return cls(u, tuple(stiffness), zero, zero, states, trend)
 
-    def moved(self, system: System, u: Array) -> Placed:
-        """The bodies at other displacements, from what they remember here.
+    def moved(self, system: System, u: Array, fluid: Mapping[int, Array]) -> Placed:
+        """The bodies at other displacements, from what they remember here, pressed by fluids.
 
         Raises
         ------
@@ -111,14 +114,26 @@ class Placed:
             A body has no answer.
         """
         stiffness, states = list(self.stiffness), list(self.material)
-        internal = np.zeros(system.n)
-        for i, body in enumerate(system.bodies):
+        internal, beyond = np.zeros((2, system.n))
+        bodies: tuple[Any, ...] = system.bodies  # those with fluids are not linear
+        for i, body in enumerate(bodies):
             part = system.slice(body)
             if body.nonlinear:
                 stiffness[i], internal[part], states[i] = body.linearize(u[part], self.material[i])
             else:
                 internal[part] = stiffness[i] @ u[part]
-        return Placed(sealed(u), tuple(stiffness), sealed(internal), tuple(states), self.trend)
+            if i in fluid:
+                load, slope = body.pressed(fluid[i], u[part])
+                beyond[part] = load - body.pressed(fluid[i])[0]
+                stiffness[i] = csr_matrix(stiffness[i] - slope)
+        return Placed(
+            sealed(u),
+            tuple(stiffness),
+            sealed(internal - beyond),
+            sealed(beyond),
+            tuple(states),
+            self.trend,
+        )
 
     def stiffened(self, undeformed: Sequence[csr_matrix], share: float) -> Placed:
         """With a share of the tangents of the undeformed bodies added to those of here."""
@@ -126,7 +141,7 @@ class Placed:
             return self
         pairs = zip(self.stiffness, undeformed, strict=True)
         stiffness = tuple(K if K is own else csr_matrix(K + share * own) for K, own in pairs)
-        return Placed(self.u, stiffness, self.internal, self.material, self.trend)
+        return replace(self, stiffness=stiffness)
 
     def resisting(self, system: System, u: Array) -> Array:
         """Return what the bodies as linearised here resist displacements u (n,) with, (n,) [force]."""
@@ -155,3 +170,52 @@ def point_forces(kin: Kinematics, state: LocalState) -> Array:
     if state.tangential_force.any():
         contact = contact - kin.B_t.T @ state.tangential_force.ravel()
     return contact
+
+
+# -- the log of a load step ------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One linearisation of the bodies, and the step that it led to.
+
+    Attributes
+    ----------
+    number : int
+        Within its part of the load step.
+    aim : float
+        Share of the load step at the end of that part; 1 where it was not cut.
+    residual : float
+        Largest force that is missing to equilibrium after it, over the largest force that acts.
+    step : float
+        Share of the step that was taken: 1 where the residual fell at once.
+    contact : int
+        Iterations of contact.
+    """
+
+    number: int
+    aim: float
+    residual: float
+    step: float
+    contact: int
+
+    def __str__(self) -> str:
+        words = f"{self.number:3d}  residual {self.residual:8.1e}  contact {self.contact:3d}"
+        words += "" if self.step == 1.0 else f"  {self.step:.3g} of a step"
+        return words + ("" if self.aim == 1.0 else f"  to {self.aim:.4g} of the load step")
+
+
+class Newton(tuple[Iteration, ...]):
+    """The linearisations of a load step, in their order; printed, a line for each.
+
+    Examples
+    --------
+    >>> print(Newton([Iteration(1, 1.0, 2e-3, 1.0, 4), Iteration(2, 1.0, 5e-12, 1.0, 1)]))
+      1  residual  2.0e-03  contact   4
+      2  residual  5.0e-12  contact   1
+    """
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self))

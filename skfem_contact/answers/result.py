@@ -12,12 +12,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer, reaction
 from skfem_contact.answers.by_contact import ByContact
 from skfem_contact.answers.certificate import Certificate
-from skfem_contact.answers.newton import Newton
+from skfem_contact.answers.placed import Newton
 from skfem_contact.answers.thresholds import FALLING, MOST_ROWS
 from skfem_contact.answers.uniqueness import Uniqueness, undetermined, uniqueness
 from skfem_contact.answers.validity.assess import assess
@@ -25,6 +24,7 @@ from skfem_contact.answers.validity.strain import rigid_rotations
 from skfem_contact.answers.validity.validity import Validity
 from skfem_contact.answers.values import contact_lines, status_words
 from skfem_contact.arguments import known_keywords
+from skfem_contact.arrays import Array
 from skfem_contact.assemblies.bolt import BoltValues
 from skfem_contact.assemblies.joints import Joint, Joints
 from skfem_contact.bodies.member import Member
@@ -43,8 +43,6 @@ from skfem_contact.sealed import sealed
 if TYPE_CHECKING:
     from skfem_contact.answers.tangent.sensitivity import Sensitivity
     from skfem_contact.answers.tangent.tangent import Tangent
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -165,7 +163,7 @@ class ContactResult(ByContact):
         return u if isinstance(scale, float) else sealed(u / scale)
 
     def motion(self, body: RigidBody | str) -> tuple[Array, Any, Array]:
-        """How a rigid body has moved: translation (d,) [length], angle [rad] and the point `about`.
+        """Return the motion of a rigid body: translation (d,) [length], angle [rad], point `about`.
 
         As obstacles take it: ``die.obstacle.moved(result.motion("die"))`` is the die where it is now.
         """
@@ -290,7 +288,7 @@ class ContactResult(ByContact):
 
     @property
     def energy_residual(self) -> float:
-        """What the energy balance of this step misses, all contacts [energy]; see `ContactValues`."""
+        """Residual of the energy balance of this step, all contacts [energy]; see `ContactValues`."""
         return float(self._answer.residual_by_contact.sum())
 
     # -- what an answer is worth --------------------------------------------------------------
@@ -304,12 +302,12 @@ class ContactResult(ByContact):
         answer = self._answer
         return rigid_rotations(answer.system, answer.contacts, answer.state.surface)
 
-    @cached_property
+    @once
     def certificate(self) -> Certificate:
         """Dimensionless numbers measured from the answer, for all degrees of freedom."""
         return self._answer.certificate
 
-    @cached_property
+    @once
     def validity(self) -> Validity:
         """Return whether the model holds at the answer; computed when first asked for, see `Validity`.
 
@@ -318,27 +316,19 @@ class ContactResult(ByContact):
         ContactWarning
             What is beyond its bound and has not been said in this history.
         """
-        return self._assessed
+        return assess(self._answer)
 
-    @cached_property
+    @once
     def uniqueness(self) -> Uniqueness | None:
-        """Whether this load, or loads like it, have other answers; computed when first asked for.
+        """A statement on other answers to this load and to loads like it, computed when first read.
 
         The critical friction of every point, the index of this answer, and the friction up to which it
         is shown to be the only one, see `Uniqueness`. None where it is not computed: on the routes
         without a dense matrix, and where rows depend on each other.
         """
-        return self._counted
-
-    # of several threads that ask at once one computes, and warns
-
-    @once
-    def _assessed(self) -> Validity:
-        return assess(self._answer)
-
-    @once
-    def _counted(self) -> Uniqueness | None:
         return uniqueness(self._answer)
+
+    # of several threads that ask at once for these one computes, and warns
 
     # -- derivatives --------------------------------------------------------------------------
 

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 # -- certificate -------------------------------------------------
 
-# Forces below this part of the terms of ``K u`` are no scale: their own round-off is 1e-10 of it.
-SCALE_FLOOR = 1e-6
-
 # Without a load, forces below this part of the terms of ``K u`` are what cancelling them leaves.
 NO_LOAD = 1e-10
 
@@ -32,8 +29,6 @@ FARTHEST = 10.0
 # share of it they are within a factor of three; beyond, points are too few to say by how much.
 ESTIMATED = 0.3
 
-# -- error.net ---------------------------------------------------
-
 # At the end of stick a square root misfits its nodes at least ten times as much as those beside
 # them, a smooth function with a jump in its curvature about as much.
 SHARPER = 3.0
@@ -48,15 +43,9 @@ SEGMENTS_NEAR = 6
 # Directions of friction in half a turn that are tried in 3-D: the least coefficient to four digits.
 DIRECTIONS = 720
 
-# Over the largest stiffness of gaps and slips: a spring this stiff is as good as sticking.
-AS_STUCK = 1e9
-
 # What is shown of one answer is shown for this much less than eigenvalues say, so that their own error
 # and round-off of the matrices do not count. Eigenvalues of more than so few rows are iterated.
-SHOWN, CLOSE, FEW = 1e-3, 1e-4, 100
-
-# A coefficient of friction that no force can tell from none; its square is a number yet.
-LEAST_FRICTION = 1e-100
+SHOWN, FEW = 1e-3, 100
 
 # Shares of the normal compliance that are tried for the proof: each is as valid, one is the best.
 SHARES = (0.0, 0.5, 2.0, 8.0, 32.0, 1024.0)
@@ -69,9 +58,6 @@ MOST_ROWS = 2000
 FALLING = 1e-3
 
 # -- validity.chords ---------------------------------------------
-
-# Of the parabola's height: a middle node that stands this high makes two facets of a quadratic one.
-CURVED = 0.5
 
 # Least singular value of the equations of unit directions from which the twist of a face is known: four
 # edges in pairs at an angle of 2 degrees have .05, edges and diagonals of a square 1.4, of 10:1 .28,

@@ -54,14 +54,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix, vstack
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import CLOSE, FEW, LEAST_FRICTION, SHARES, SHOWN
+from skfem_contact.answers.thresholds import FEW, SHARES, SHOWN
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import Coulomb, Tresca
 from skfem_contact.conditions.friction_rule import CheckedLaw
@@ -73,10 +73,6 @@ from skfem_contact.linalg.dense_factors import cholesky, divide
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.thresholds import LOOSE
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +212,7 @@ def undetermined(answer: Answer) -> tuple[str, ...]:
     """
     if not answer.springs:
         return ()
-    from skfem_contact.elimination.transformation import eliminate
+    from skfem_contact.elimination.constraint import eliminate
 
     rows, points = _rows(answer)
     redundant = eliminate(rows, np.zeros(len(points))).redundant
@@ -313,7 +309,8 @@ def unique_up_to(space: PointSpace, friction: Array, G: Array, tied: Mask) -> fl
     try:
         form = Form(space, n, t, G[point])
         # what holds for more friction holds for less, whose squares are no numbers any more
-        mu = np.where(rubs, np.maximum(friction, LEAST_FRICTION), 0.0)
+        least = np.sqrt(np.finfo(float).tiny)  # its square is a number yet
+        mu = np.where(rubs, np.maximum(friction, least), 0.0)
         d = _ratios(form, np.flatnonzero(normal >= 0), point, len(normal))
         balance = form.balance((mu * d)[normal >= 0], (mu / d)[point])
     except (LinAlgError, ArpackNoConvergence):
@@ -432,5 +429,5 @@ def _largest(solve: Callable[[Array], Array], diagonal: Array) -> float:
     if len(on) <= FEW:
         return float(np.linalg.eigvalsh(product(np.eye(len(on))))[-1])
     A = LinearOperator((len(on), len(on)), matvec=product, dtype=float)
-    found = eigsh(A, 1, v0=root, tol=CLOSE, return_eigenvectors=False)
+    found = eigsh(A, 1, v0=root, tol=SHOWN / 10, return_eigenvectors=False)
     return float(found[0])

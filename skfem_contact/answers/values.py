@@ -1,36 +1,33 @@
-"""`ContactValues`: pressure, traction, gap and slip on the secondary surface of one contact."""
+"""`ContactValues`: pressure, traction, gap and slip on the secondary surface of one contact.
+
+`ErrorEstimate` has what is estimated of their errors, by its sources.
+"""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable
+from dataclasses import field, fields
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skfem_contact.answers.error.sources import ErrorEstimate, percent
-from skfem_contact.answers.fields import (
-    Contour,
-    closed_area,
-    contour,
-    displaced,
-    edge_positions,
-    interpolate,
-)
-from skfem_contact.answers.thresholds import COARSE
+from skfem_contact.answers.fields import Contour, contour, displaced, interpolate
+from skfem_contact.answers.thresholds import COARSE, ESTIMATED
 from skfem_contact.arguments import NamesAttributes, numbers
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction_rule import steep_words
 from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
+from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
+from skfem_contact.pairing.vectors import cross
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal, sealed
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -150,7 +147,7 @@ class ContactValues(NamesAttributes):
 
     @cached_property
     def slip(self) -> Array:
-        """Of the secondary relative to the primary, since the point closed, (m, d-1) [length].
+        """Slip of the secondary relative to the primary since the point closed, (m, d-1) [length].
 
         The component along `tangent`: in 2-D that is `normal`, which points from the primary to the
         secondary, turned counter-clockwise, so that on a primary that faces upwards a slip to the
@@ -242,10 +239,8 @@ class ContactValues(NamesAttributes):
         centre = np.zeros(d) if about is None else numbers(about, "about", f"give {d} coordinates")
         if centre.shape != (d,):
             raise InputError(f"about has shape {centre.shape}; give a point of {d} coordinates")
-        arm = self.action - centre
-        if d == 2:
-            return float(np.sum(arm[:, 0] * F[:, 1] - arm[:, 1] * F[:, 0]))
-        return np.cross(arm, F).sum(axis=0)
+        total = cross(self.action - centre, F).sum(axis=0)
+        return float(total[0]) if d == 2 else total
 
     @cached_property
     def contact_edges(self) -> Array:
@@ -254,20 +249,17 @@ class ContactValues(NamesAttributes):
         There ``gap**(2/3)``, extrapolated from the open side, vanishes; see `fields`.
         In the order of the points or faces; ends of the surface that are closed are no edges.
         """
-        if self._placed.dim == 3:
-            return sealed(self._contour.segments)
-        return sealed(edge_positions(self._placed, self.status != OPEN, self.gap))
+        edges = sealed(self._contour.segments)
+        return edges if self.surface.dim == 3 else edges[:, 0]
 
     @cached_property
     def contact_area(self) -> float:
         """Area in contact, up to `contact_edges` [area]."""
-        if self._placed.dim == 3:
-            return self._contour.area
-        return closed_area(self._placed, self.status != OPEN, self.gap)
+        return self._contour.area
 
-    @cached_property
+    @property
     def _contour(self) -> Contour:
-        """The edge of contact on faces."""
+        """The edge of contact, and the area within."""
         return contour(self._placed, self.status != OPEN, self.gap)
 
     @cached_property
@@ -414,3 +406,156 @@ def _error_lines(values: ContactValues) -> list[str]:
 
 def _share(part: float, whole: float) -> str:
     return f"{part / whole:.4f}" if whole > 0 else "-"
+
+
+# -- errors ----------------------------------------------------------------------------------------
+
+
+Elements = tuple[NDArray[np.intp], Array]
+Three = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class ErrorSources:
+    """Parts of an estimated error, relative to the L2 norm of the traction; their squares add up.
+
+    Attributes
+    ----------
+    edges, facets, scatter, bodies, stiffness, chords : float
+        See the top of the module `estimate`. `bodies` is NaN where a body was given a matrix instead
+        of a `BilinearForm`: then there is no measure of energy, and it is left out. Where another one
+        is NaN the answer is not rated, and `total` is NaN, too.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> result = sc.ContactSolver(block, foot).solve()
+    >>> parts = result.error_estimate.pressure
+    >>> parts.chords, parts.stiffness, bool(parts.total >= parts.facets)
+    (0.0, 0.0, True)
+    """
+
+    edges: float = 0.0
+    facets: float = 0.0
+    scatter: float = 0.0
+    bodies: float = 0.0
+    stiffness: float = 0.0
+    chords: float = 0.0
+
+    @property
+    def total(self) -> float:
+        """Root of the sum of squares; NaN where more is missing than `bodies`."""
+        return float(np.sqrt(sum(size**2 for size in self._known().values())))
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Names of the parts that are not estimated."""
+        return tuple(f.name for f in fields(self) if np.isnan(getattr(self, f.name)))
+
+    @property
+    def largest(self) -> str:
+        """Name of the largest part."""
+        known = self._known()
+        return max(known, key=lambda name: np.inf if np.isnan(known[name]) else known[name])
+
+    def _known(self) -> dict[str, float]:
+        """The parts; without `bodies` where it is not known. NaN in any other is a defect, and seen."""
+        parts = {f.name: float(getattr(self, f.name)) for f in fields(self)}
+        return {k: v for k, v in parts.items() if not (k == "bodies" and np.isnan(v))}
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorEstimate:
+    """Estimated discretisation error of the tractions of one contact.
+
+    Attributes
+    ----------
+    pressure, traction : ErrorSources
+        Of the pressure, over the L2 norm of the pressure; and of pressure and friction together.
+    indicator : ndarray, shape (m,)
+        Share of every point in the squared error of the traction that comes from the surface (edges,
+        facets, scatter); adds up to one where there is any.
+    elements : dict of (ndarray of int, ndarray)
+        By name of the body: elements around the contact, and the share of each in the energy error.
+    points_across : int or None
+        Points across the narrowest zone of contact, or of sticking, that has edges; 0 without edges.
+        None in 3-D.
+    advice : str
+        What would improve the answer most.
+    unrated : str
+        Why the answer can not be rated; empty where it is. Then the totals are NaN.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshQuad().refined(2).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    >>> block = sc.Body(basis, linear_elasticity(), D="top", x={"top": (0.002, -0.01)}, name="block")
+    >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+    >>> result = sc.ContactSolver(block, foot).solve()
+    >>> error = result.error_estimate
+    >>> error.pressure.largest, bool(0 < error.pressure.total < 1)
+    ('edges', True)
+    """
+
+    pressure: ErrorSources
+    traction: ErrorSources
+    indicator: Array = field(repr=False)
+    elements: dict[str, Elements] = field(repr=False)
+    points_across: int | None
+    advice: str
+    unrated: str = ""
+
+    def __str__(self) -> str:
+        if self.unrated:
+            return f"not rated: {self.unrated}"
+        parts = ", ".join(
+            f"{f.name} {percent(getattr(self.traction, f.name))}"
+            for f in fields(self.traction)
+            if getattr(self.traction, f.name) != 0
+        )
+        return f"{self.words} of the L2 norm ({parts or 'no part'}); {self.advice}"
+
+    @property
+    def words(self) -> str:
+        """The totals of pressure and traction, in percent up to what can be estimated."""
+        if self.unrated:
+            return "not rated"
+        if max(self.pressure.total, self.traction.total) > ESTIMATED:
+            return f"more than {percent(ESTIMATED)}, beyond what can be estimated"
+        return f"pressure {percent(self.pressure.total)}, traction {percent(self.traction.total)}"
+
+
+def percent(share: float) -> str:
+    """A share in percent, with two digits."""
+    if np.isnan(share):
+        return "not known"
+    return f"{100 * share:.2g} %" if share > SOLVED else "0 %"
+
+
+def relative(edges: Array, facets: Array, scatter: Array, size: float) -> tuple[Three, Array]:
+    """Norms of three squared errors over points, relative to a norm; the share of each point.
+
+    Parameters
+    ----------
+    edges, facets, scatter : ndarray, shape (m,)
+        Squares of the errors.
+    size : float
+        Of the traction, squared.
+    """
+    total = edges + facets + scatter
+    share = total / total.sum() if total.sum() > SOLVED**2 * size else np.zeros(len(total))
+    norms = [
+        float(np.sqrt(part.sum() / size)) if size > 0 else 0.0 for part in (edges, facets, scatter)
+    ]
+    return (norms[0], norms[1], norms[2]), share

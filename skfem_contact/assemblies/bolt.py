@@ -41,8 +41,7 @@ from skfem_contact.arguments import (
     with_known_keywords,
 )
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.pieces import pieces
-from skfem_contact.bodies.selection import written
+from skfem_contact.bodies.selection import pieces, written
 from skfem_contact.bodies.system import System
 from skfem_contact.carried import copied
 from skfem_contact.conditions.loads import BoltLoads, LoadCase
@@ -219,7 +218,7 @@ def _beyond(body: Body, point: Array, axis: Array, whose: str) -> Mask:
 
 @dataclass(frozen=True, eq=False)
 class BoltValues(NamesAttributes):
-    """What a bolt carries after a load step.
+    """Force, stretch and moments of a bolt after a load step.
 
     Attributes
     ----------

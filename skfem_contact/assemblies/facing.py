@@ -24,7 +24,7 @@ from skfem_contact.assemblies.thresholds import NEARLY, OPPOSITE, TOWARDS_RIM, U
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import node_positions
 from skfem_contact.bodies.normals import across, sizes, unit
-from skfem_contact.bodies.pieces import pieces as pieces_of
+from skfem_contact.bodies.selection import pieces as pieces_of
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.search import FacetTree, Nodes

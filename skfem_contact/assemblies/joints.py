@@ -121,7 +121,7 @@ def _shown(value: Any) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Joint(NamesAttributes):
-    """What one contact carries, in a few numbers.
+    """Force, moment and pressures of one contact, in a few numbers.
 
     Attributes
     ----------

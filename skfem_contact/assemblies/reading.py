@@ -26,7 +26,7 @@ from skfem_contact.arguments import check_kind, file_path, known_keywords, shown
 from skfem_contact.assemblies.named import Named
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.inputs import SUPPORTED, deferred_basis
-from skfem_contact.bodies.pieces import pieces
+from skfem_contact.bodies.selection import pieces
 from skfem_contact.errors import InputError
 
 Array = NDArray[np.float64]

@@ -21,7 +21,7 @@ UNSURE = 0.25
 # What is farther apart than `within`, but not than this times it, is told as near and not taken.
 NEARLY = 2.0
 
-# -- drafting ----------------------------------------------------
+# -- finding -----------------------------------------------------
 
 # A pair that covers less of both patches, and on one of them the rim alone, is a sliver.
 SLIVER = 0.05

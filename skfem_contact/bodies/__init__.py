@@ -1,18 +1,19 @@
 """Bodies, as the user gives them, with stiffness and loads, and the surfaces that may touch.
 
 * `inputs`, `selection`: matrices, vectors, sets of DOFs and facets as users pass them, checked;
-* `assembly`: stiffness from a form; `quadrature`: points of integration, and gradients at them;
+  nodes of facets, and pieces of a mesh;
+* `assembly`: stiffness and moduli from a form; `quadrature`: points of integration, gradients;
 * `boundaries`: tractions and displacements by the names of boundaries;
 * `member`, `body`, `system`: one body, and several under one numbering; `linearizable`: what is asked
   of them; `nonlinear`: bodies that yield or stretch, `continuum` (with `gradients`) and `forms`:
-  their equations;
-  `moduli`, `rigid_modes`, `pieces` of a mesh;
+  their equations; `rigid_modes`;
 * `remote`: a stiffness that is held elsewhere, by a backend over several processes;
-* `surface`: a boundary as contact sees it; `nodes`: its nodes; `bare`: one without a body;
-* `facet_kinds`: the shape functions of facets; `facets`: their corners, and what lies across edges;
-* `areas`, `normal_field`, `kinks`: areas, averaged normals, and where a surface turns;
+* `surface`: a boundary as contact sees it, of a body or of none;
+* `facet_kinds`: the shape functions of facets; `facets`: their areas, their corners, and what lies
+  across edges;
+* `normal_field`: averaged normals, and where a surface turns;
 * `normals`: vectors, tangents and angles;
-* `rings`, `quadrics`: the smooth boundaries that nodes lie on;
+* `quadrics`: the smooth boundaries that nodes lie on;
 * `thresholds`: numbers, and where they come from.
 """
 
@@ -32,13 +33,13 @@ __getattr__, __dir__ = entrances(
     __all__,
     {
         "assembly": "assembled",
-        "bare": "bare_surface",
         "facet_kinds": "FacetKind KINDS kind_of",
         "facets": "twin_edges",
         "inputs": "SUPPORTED",
-        "kinks": "kink_angles",
+        "normal_field": "kink_angles",
         "normals": "angle_between tangents",
-        "surface": "ContactSurface",
+        "selection": "pieces",
+        "surface": "bare_surface ContactSurface",
         "system": "stack System",
     },
 )

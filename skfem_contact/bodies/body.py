@@ -19,6 +19,8 @@ from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm, CellBasis
 
 from skfem_contact.arguments import check_name, known_keywords, with_known_keywords
+from skfem_contact.arrays import Array
+from skfem_contact.bodies.assembly import Moduli, mean_moduli, moduli
 from skfem_contact.bodies.boundaries import displacements, tractions
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.inputs import (
@@ -38,18 +40,15 @@ from skfem_contact.bodies.inputs import (
 )
 from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.bodies.member import Meshed
-from skfem_contact.bodies.moduli import Moduli, mean_moduli, moduli
-from skfem_contact.bodies.pieces import pieces
 from skfem_contact.bodies.quadrature import volume
 from skfem_contact.bodies.rigid_modes import motion_names, rigid_modes
+from skfem_contact.bodies.selection import pieces
 from skfem_contact.bodies.surface import ContactSurface, extract_surface
 from skfem_contact.carried import can_be_carried, carried
 from skfem_contact.errors import InputError
 from skfem_contact.materials.elastic import Elastic
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal
-
-Array = NDArray[np.float64]
 
 
 @with_known_keywords(
@@ -325,17 +324,17 @@ class Body(Meshed):
             f"{type(self.basis.mesh).__name__} of {self.basis.mesh.nelements} elements>"
         )
 
-    @property
+    @cached_property
     def n(self) -> int:
         """Number of DOFs."""
         return int(self.basis.N)
 
-    @property
+    @cached_property
     def dim(self) -> int:
         """Dimension of space."""
         return int(self.basis.mesh.dim())
 
-    @property
+    @cached_property
     def components(self) -> int:
         """DOFs per node: `dim` for displacements, 1 for a scalar field."""
         return self.dim if isinstance(self.basis.elem, skfem.ElementVector) else 1

@@ -10,10 +10,10 @@ import skfem
 from numpy.typing import NDArray
 
 from skfem_contact.arguments import number, shown
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.inputs import unknown_boundary
 from skfem_contact.errors import InputError
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 

@@ -13,11 +13,11 @@ so that ``P = P_iso + U'(Jm) ∂J/∂F``, and the tangent has besides the usual 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.bodies.thresholds import BYTES_AT_ONCE
@@ -26,21 +26,6 @@ from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.materials.material import Material, Split, deformation, dilatation
 from skfem_contact.materials.tensors import solid
 from skfem_contact.sealed import sealed_matrix
-
-Array = NDArray[np.float64]
-
-
-class Response(NamedTuple):
-    """The answer of a material on some elements: stress, tangent, internal variables.
-
-    With mean dilatation also ``∂J/∂F`` at the points, and ``U''/V`` of the elements.
-    """
-
-    P: Array
-    A: Array
-    state: State
-    slope: Array | None = None
-    stiff: Array | None = None
 
 
 class Continuum:
@@ -71,29 +56,25 @@ class Continuum:
     def linearize(self, u: Array, state: State) -> Linearized:
         """Stiffness, internal forces and internal variables."""
         on = self.gradients
-        H = on.of(u)
-        K, f, states = [], [], []
+        H, size = on.of(u), on.G.shape[0] * on.d
+        K, f = np.empty((size, size, on.elements)), np.empty((size, on.elements))
+        new = {name: np.empty_like(value) for name, value in state.items()}
         for some in self._parts():
-            answer = self._response(H[:, :, some], state, some)
-            Ke = on.stiffness(answer.A, some)
-            if answer.slope is not None and answer.stiff is not None:
-                g = on.forces(answer.slope, some)
-                Ke += answer.stiff * (g[:, None] * g)
-            K.append(Ke)
-            f.append(on.forces(answer.P, some))
-            states.append(answer.state)
-        new = {key: np.concatenate([s[key] for s in states], axis=-2) for key in states[0]}
-        return Linearized(
-            sealed_matrix(on.summed(np.concatenate(K, axis=2))),
-            on.scattered(np.concatenate(f, axis=1)),
-            new,
-        )
+            P, A, after, slope, stiff = self._response(H[:, :, some], state, some)
+            Ke, f[:, some] = on.stiffness(A, some), on.forces(P, some)
+            if slope is not None:
+                g = on.forces(slope, some)
+                Ke += stiff * g[:, None] * g
+            K[..., some] = Ke
+            for name, value in after.items():
+                new[name][..., some, :] = value
+        return Linearized(sealed_matrix(on.summed(K)), on.scattered(f), new)
 
     def stress(self, u: Array, state: State) -> Array:
         """Cauchy's stress (3, 3, e, q), by internal variables of before or after the step."""
         H, found = self.gradients.of(u), []
         for some in self._parts():
-            P = solid(self._response(H[:, :, some], state, some).P)
+            P = solid(self._response(H[:, :, some], state, some)[0])
             if self.finite_strain:
                 F, J, _ = deformation(H[:, :, some])
                 P = np.einsum("im...,jm...->ij...", P, F) / J
@@ -121,25 +102,24 @@ class Continuum:
         for first in range(0, self.gradients.elements, count):
             yield slice(first, min(first + count, self.gradients.elements))
 
-    def _response(self, H: Array, state: State, some: slice) -> Response:
-        """Ask the material, and take means of the change of volume if they are wanted."""
+    def _response(self, H: Array, state: State, some: slice) -> tuple[Any, ...]:
+        """Ask the material, with means of the change of volume if wanted, see `Split.averaged`."""
         state = {name: value[..., some, :] for name, value in state.items()}
+        dx = self.gradients.dx[some]
+        volume = dx.sum(axis=1)[:, None]
         try:
             if self.split is None:
-                return self._checked(self.material(H, state), H, state)
-            P, A, new = self.split.isochoric(H, state)
-            growth, slope, bend = dilatation(H, self.finite_strain)
+                return (*self._checked(self.material(H, state), H, state), None, None)
+            means = self.split.averaged(
+                H, state, lambda growth: (growth * dx).sum(axis=1, keepdims=True) / volume
+            )
         except MaterialError as error:
             element = None if error.element is None else error.element + some.start
             where = "" if element is None else f", element {element}"
             raise MaterialError(f"{self.whose}{where}: {error}", element) from None
-        dx = self.gradients.dx[some]
-        volume = dx.sum(axis=1)
-        _, p, dp = self.split.volumetric((growth * dx).sum(axis=1) / volume)
-        p = p[:, None]
-        return Response(P + p * slope, A + p * bend, new, slope, dp / volume)
+        return (*means[:4], (means[4] / volume)[:, 0])
 
-    def _checked(self, answer: Any, H: Array, state: State) -> Response:
+    def _checked(self, answer: Any, H: Array, state: State) -> tuple[Array, Array, State]:
         """Refuse what a user's function returns in another shape."""
         P, A, new = answer
         P, A, d, at = np.asarray(P), np.asarray(A), len(H), H.shape[2:]
@@ -164,4 +144,4 @@ class Continuum:
                 f"the material of {self.whose} returns the internal variables {sorted(new or ())}, "
                 f"and was given {sorted(state)}"
             )
-        return Response(np.broadcast_to(P, P.shape[:2] + at), A, new)
+        return np.broadcast_to(P, P.shape[:2] + at), A, new

@@ -9,17 +9,14 @@ from typing import Any, Literal
 
 import numpy as np
 import skfem
-from numpy.typing import NDArray
 from skfem.quadrature import get_quadrature
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.thresholds import TAKEN
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,18 +11,17 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm, LinearForm
 from skfem.assembly.form.form import FormExtraParams
 
 from skfem_contact.arguments import shown
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.inputs import stiffness_of
 from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.materials.material import everywhere
-
-Array = NDArray[np.float64]
 
 
 class Forms:

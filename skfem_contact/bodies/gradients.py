@@ -16,15 +16,13 @@ from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.assembly import NeedsMore, check_numbering, pattern
 from skfem_contact.bodies.quadrature import point_volumes, scalar_element, shape_gradients
 from skfem_contact.errors import InputError
 from skfem_contact.materials.tensors import solid
-
-Array = NDArray[np.float64]
 
 
 class Gradients:

@@ -339,12 +339,10 @@ def prescribed_dofs(D: Any, basis: Any, whose: str) -> np.ndarray:
         return np.unique(D.flatten()).astype(np.int64)
     if isinstance(D, dict):
         D = list(D.values())
-    if isinstance(D, list | tuple | set | frozenset) and not all(np.isscalar(d) for d in D):
-        return _union([prescribed_dofs(part, basis, whose) for part in D])
     if isinstance(D, list | tuple | set | frozenset):
-        if any(isinstance(part, str) for part in D):
-            return _union([prescribed_dofs(part, basis, whose) for part in D])
         D = list(D)
+        if any(isinstance(part, str) or not np.isscalar(part) for part in D):
+            return _union([prescribed_dofs(part, basis, whose) for part in D])
     what = f"D of {whose}"
     numbers = np.atleast_1d(rectangular(D, what, "not DOF numbers or boundary names"))
     dofs = dof_numbers(numbers, basis.N, what, TAKEN, "; D belongs to another basis")

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-Array = NDArray[np.float64]
+from skfem_contact.arrays import Array
 
 #: Internal variables of a body by name, each of shape (..., elements, points of integration).
 State = Mapping[str, Any]

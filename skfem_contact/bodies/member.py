@@ -74,13 +74,14 @@ class Member(NamesAttributes, ABC):
     def rigid_mode_names(self) -> tuple[str, ...]:
         """The motions of `rigid_modes` in words."""
 
-    @property
+    @cached_property
     def rotations(self) -> np.ndarray:
         """DOFs that are rotations: angles, loaded by moments; none of a body with a mesh."""
         return np.flatnonzero(self.dof_component >= self.components)
 
     nonlinear: bool = False
     finite_strain: bool = False
+    pressures: np.ndarray | None = None
 
     @property
     def initial_state(self) -> State:
@@ -98,6 +99,10 @@ class Member(NamesAttributes, ABC):
     @abstractmethod
     def load(self, f: Any, what: str) -> np.ndarray:
         """The load (n,) that a user means: a vector, or a dict by what it acts on."""
+
+    def fluid(self, f: Any) -> np.ndarray | None:
+        """Pressures in a load that follow the deformed boundary, by facet; none of a linear body."""
+        return None
 
     @abstractmethod
     def displaced(self, x: Mapping[str, Any], before: np.ndarray, what: str) -> np.ndarray:

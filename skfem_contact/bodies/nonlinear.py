@@ -7,13 +7,13 @@ from dataclasses import field
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 from skfem import ElementTetP1, ElementTriP1
 from skfem.assembly import BilinearForm, CellBasis, LinearForm
 
-from skfem_contact.arguments import check_switch, number, shown, with_known_keywords
-from skfem_contact.arrays import check_finite, check_size, rectangular
+from skfem_contact.arguments import check_switch, shown, with_known_keywords
+from skfem_contact.arrays import Array, check_finite, check_size, rectangular
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.boundaries import boundary_dofs
 from skfem_contact.bodies.continuum import Continuum
@@ -26,8 +26,6 @@ from skfem_contact.errors import InputError, warn
 from skfem_contact.materials.material import FromFunction, Material, Split, deformation
 from skfem_contact.materials.tensors import solid
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
 
 #: Elements of first order that the mean change of volume does not help: theirs is constant.
 SIMPLICES = ElementTriP1, ElementTetP1
@@ -50,7 +48,9 @@ class NonlinearBody(Body):
         ``(H, state) -> stress, tangent, state`` of small strains without internal variables, see
         `skfem_contact.materials.FromFunction` for others. Plane bodies are in plane strain.
     f, D, x, name
-        As for `Body`.
+        As for `Body`. A number on a boundary, ``{"bore": 5.0}``, is the pressure of a fluid, or a
+        function of the component-first position of the facets' midpoints that returns it: where strains
+        may be large it acts at right angles to the deformed boundary, by deformed area.
     measure : callable, optional
         Weight of the area, as for `Body`: with ``lambda x: 2 * np.pi * x[0]`` the body is
         axisymmetric, and its material gets the hoop strain. Forms have their weight in themselves.
@@ -68,6 +68,8 @@ class NonlinearBody(Body):
     finite_strain : bool, optional
         Whether a body that is given by forms may turn and strain by any amount: contact is then on the
         deformed mesh. Materials know it.
+    pressures : ndarray, shape (facets of the mesh,), optional
+        Those of fluids in f, as the attribute has them, where f is a vector [stress].
     mean_dilatation : bool, optional
         Whether the change of volume is the mean of the element. If it is not given: for elements of
         first order of `J2` and `MooneyRivlin`, which would lock.
@@ -79,6 +81,8 @@ class NonlinearBody(Body):
     material : Material or None
         None of a body that is given by forms.
     mean_dilatation : bool
+    pressures : ndarray or None
+        Of fluids, by facet; their load on the undeformed boundary is part of `f` [stress].
     nonlinear : bool
         True.
 
@@ -112,6 +116,7 @@ class NonlinearBody(Body):
     K: csr_matrix = field(init=False)
     material: Material | None = None
     mean_dilatation: bool = False
+    pressures: Array | None = None
     equations: Any = field(init=False, repr=False)
 
     def __init__(
@@ -130,6 +135,7 @@ class NonlinearBody(Body):
         x: Values | None = None,
         measure: Callable[[Array], Array] | None = None,
         mean_dilatation: bool | None = None,
+        pressures: Array | None = None,
         mass: Any = None,
         name: str | None = None,
     ) -> None:
@@ -158,6 +164,7 @@ class NonlinearBody(Body):
         K = equations.linearize(np.zeros(self.n), equations.initial_state).K
         mass = (getattr(material, "density", 0.0) or None) if mass is None else mass
         super().__init__(basis, K, f, D=D, x=x, measure=measure, mass=mass, name=name)
+        object.__setattr__(self, "pressures", self.fluid(f) if isinstance(f, Mapping) else pressures)
 
     def _continuum(self, material: Any, mean_dilatation: bool | None, whose: str) -> Continuum:
         """Equations from a material."""
@@ -204,9 +211,8 @@ class NonlinearBody(Body):
         InputError
             If what the body is given by does not tell its energy.
         """
-        if not hasattr(self.equations, "energy"):
-            raise InputError(f"body {self.name!r} is given by forms: its energy is not known")
-        return self.equations.energy(self._displacements(u), self._state(state))
+        found: tuple[float, float] = self._asked("energy", u, state)
+        return found
 
     def stress(self, u: ArrayLike, state: State | None = None) -> Array:
         """Cauchy's stress at points of integration.
@@ -228,33 +234,54 @@ class NonlinearBody(Body):
         InputError
             If the body is given by forms, which do not tell stresses.
         """
-        if not hasattr(self.equations, "stress"):
-            raise InputError(f"body {self.name!r} is given by forms: its stresses are not known")
-        return self.equations.stress(self._displacements(u), self._state(state))
+        return np.asarray(self._asked("stress", u, state))
 
-    def pressed(
-        self, where: str | NDArray[np.int64], pressure: float, u: ArrayLike | None = None
-    ) -> Array:
-        """The load of a fluid on a boundary, as it stands and as large as it is at displacements u.
+    def _asked(self, what: str, u: ArrayLike, state: State | None) -> Any:
+        if not hasattr(self.equations, what):
+            raise InputError(f"body {self.name!r} is given by forms: its {what} is not known")
+        return getattr(self.equations, what)(self._displacements(u), self._state(state))
+
+    def load(self, f: Any, what: str) -> Array:
+        """The load (n,) that a user means; of a fluid as it is on the undeformed boundary."""
+        if not isinstance(f, Mapping):
+            return super().load(f, what)
+        varying = {name: value for name, value in f.items() if self.finite_strain and callable(value)}
+        load = super().load({name: f[name] for name in f if name not in varying}, what)
+        for name in varying:
+            boundary_dofs(self.basis, name, what)
+        pressures = self.fluid(varying)
+        return load if pressures is None else load + self.pressed(pressures)[0]
+
+    def fluid(self, f: Any) -> Array | None:
+        """Pressures of fluids on all facets of the mesh (k,), of a load by boundary name [stress]."""
+        if not self.finite_strain or not isinstance(f, Mapping):
+            return None
+        mesh = self.basis.mesh
+        pressures = np.zeros(mesh.nfacets)
+        for name, value in f.items():
+            if callable(value) or np.ndim(value) == 0:
+                facets = mesh.boundaries[name]
+                middle = mesh.p[:, mesh.facets[:, facets]].mean(axis=1)
+                pressures[facets] += value(middle) if callable(value) else value
+        check_finite(pressures, "a pressure", "facet")
+        return pressures if pressures.any() else None
+
+    def pressed(self, pressures: Array, u: ArrayLike | None = None) -> tuple[Array, csr_matrix]:
+        """The load of fluids on the boundary as it stands at displacements u, and its derivative by u.
 
         Parameters
         ----------
-        where : str or ndarray of int
-            Name of a boundary, or facets of the mesh.
-        pressure : float
+        pressures : ndarray, shape (facets of the mesh,)
             By deformed area, positive inwards [stress].
         u : ndarray, shape (n,), optional
             Displacements of this body [length].
 
         Returns
         -------
-        ndarray, shape (n,)
-            A load `f`. It belongs to u: solve again with that of the answer until it stays.
-
-        Raises
-        ------
-        InputError
-            There is no such boundary, or u has another size.
+        load : ndarray, shape (n,)
+        derivative : csr_matrix, shape (n, n)
+            Its symmetric part. The rest belongs to the rim of the pressed surface alone, and vanishes
+            where the rim is held or closed.
 
         Notes
         -----
@@ -267,27 +294,29 @@ class NonlinearBody(Body):
         >>> basis = fem.Basis(fem.MeshQuad().with_defaults(), fem.ElementVector(fem.ElementQuad1()))
         >>> seal = sc.NonlinearBody(basis, sc.materials.NeoHooke.of(1.0, 0.3))
         >>> longer = 0.5 * basis.doflocs[1] * (seal.dof_component == 1)  # by a half along y
-        >>> f = seal.pressed("left", 2.0, longer)
-        >>> float(f[seal.dof_component == 0].sum())
+        >>> load, _ = seal.pressed(seal.fluid({"left": 2.0}), longer)
+        >>> float(load[seal.dof_component == 0].sum())
         3.0
         """
-        load = number(pressure, "pressure", "give one number")
-        values, measure, axisymmetric = self._displacements(u), self.measure, self.axisymmetric
-        if isinstance(where, str):
-            boundary_dofs(self.basis, where, f"pressed, body {self.name!r}")
-        basis = self.basis.boundary(where)
-
-        def work(v: Any, w: Any) -> Any:
-            H = solid(np.asarray(w["u"].grad))
-            if axisymmetric:
-                H[2, 2] = np.asarray(w["u"])[0] / w.x[0]
-            _, J, G = deformation(H)
-            d = len(v)
-            towards = np.einsum("ij...,j...->i...", G[:d, :d], w.n)
-            density = -load * J * np.einsum("i...,i...->...", towards, np.asarray(v))
-            return density if measure is None else density * measure(w.x)
-
-        return np.asarray(LinearForm(work).assemble(basis, u=basis.interpolate(values)))
+        on, d = self.basis.boundary(np.flatnonzero(pressures)), self.dim
+        weight, x = on.dx * pressures[on.find][:, None], np.asarray(on.global_coordinates())
+        if self.measure is not None:
+            weight = weight * self.measure(x)
+        v = np.stack([np.asarray(on.basis[a][0]) for a in range(on.Nbfun)])  # (a, d, facets, q)
+        dH = np.stack([solid(np.asarray(on.basis[a][0].grad)) for a in range(on.Nbfun)])
+        if self.axisymmetric:
+            dH[:, 2, 2] = v[:, 0] / x[0]
+        H = np.einsum("af,aij...fq->ij...fq", self._displacements(u)[on.element_dofs], dH)
+        _, J, G = deformation(H)
+        normal = np.einsum("ij...,j...->i...", G[:, :d], np.asarray(on.normals))
+        load = -np.einsum("aifq,ifq->af", v, weight * J * normal[:d])
+        grows = np.einsum("ij...,bij...->b...", G, dH)[:, None] * normal
+        turns = np.einsum("ij...,bkj...,k...->bi...", G, dH, normal, optimize=True)
+        slope = -np.einsum("aifq,bifq->abf", v, weight * J * (grows - turns)[:, :d], optimize=True)
+        rows, columns = np.broadcast_arrays(on.element_dofs[:, None], on.element_dofs)
+        K = csr_matrix((slope.ravel(), (rows.ravel(), columns.ravel())), shape=(self.n, self.n))
+        f = np.bincount(on.element_dofs.ravel(), load.ravel(), minlength=self.n)
+        return np.asarray(f, dtype=float), csr_matrix(0.5 * (K + K.T))
 
     def _displacements(self, u: Any) -> Array:
         if u is None:

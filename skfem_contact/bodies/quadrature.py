@@ -13,14 +13,11 @@ from typing import Any
 
 import numpy as np
 import skfem
-from numpy.typing import NDArray
 from skfem.assembly import CellBasis
 from skfem.assembly.basis.abstract_basis import AbstractBasis
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.thresholds import BYTES_AT_ONCE
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 #: Elements of degree one; the others are of degree two.
 LINEAR = (

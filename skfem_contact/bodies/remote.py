@@ -10,12 +10,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Array
 from skfem_contact.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 class RemoteStiffness(ABC):

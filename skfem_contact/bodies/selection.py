@@ -5,9 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 from skfem.assembly import DofsView
 
+from skfem_contact.arrays import Index, Mask
 from skfem_contact.bodies.inputs import unknown_boundary
+from skfem_contact.bodies.member import Member
 from skfem_contact.errors import InputError, warn
 
 
@@ -112,14 +117,8 @@ def _satisfying(mesh: Any, test: Any, nodes: bool, label: str) -> np.ndarray:
 
     if not nodes:
         return np.flatnonzero(ask(mesh.p[:, mesh.facets].mean(axis=1)))
-    chosen = ask(mesh.p)[mesh.facets].all(axis=0)
-    # the middle nodes of a quadratic mesh: of edges and faces in 3-D, of facets in 2-D
-    if mesh.dofs.edge_dofs.size:
-        middle = ask(mesh.doflocs[:, mesh.dofs.edge_dofs[0]])
-        chosen &= middle[mesh_edges(mesh, mesh.facets, np.roll(mesh.facets, -1, axis=0))].all(axis=0)
-    if mesh.dofs.facet_dofs.size:
-        chosen &= ask(mesh.doflocs[:, mesh.dofs.facet_dofs[0]])
-    return np.flatnonzero(chosen)
+    on_facets = facet_nodes(mesh, mesh.dofs, np.arange(mesh.nfacets), mesh.facets.T)
+    return np.flatnonzero(ask(mesh.doflocs)[on_facets].all(axis=1))
 
 
 def mesh_edges(mesh: Any, start: np.ndarray, end: np.ndarray) -> np.ndarray:
@@ -134,3 +133,84 @@ def mesh_edges(mesh: Any, start: np.ndarray, end: np.ndarray) -> np.ndarray:
 def written(point: np.ndarray) -> str:
     """Coordinates for a message."""
     return "(" + ", ".join(f"{value:.6g}" for value in point) + ")"
+
+
+# -- nodes of facets -------------------------------------------------------------------------------
+
+
+def facet_nodes(mesh: Any, dofs: Any, numbers: Index, vertices: Index) -> Index:
+    """The nodes of facets, shape (nf, k): corners, then middles of edges of faces, then the middle.
+
+    Of the mesh vertex v has the number v, edge e ``nvertices + e``, and facet f
+    ``nvertices + nedges + f``; in the plane there are no edges.
+    """
+    columns, first = [vertices], mesh.nvertices
+    if dofs.edge_dofs.size:
+        columns.append(first + mesh_edges(mesh, vertices, np.roll(vertices, -1, axis=1)))
+        first += mesh.edges.shape[1]
+    if dofs.facet_dofs.size:
+        columns.append(first + numbers[:, None])
+    return np.concatenate(columns, axis=1)
+
+
+def node_dofs(basis: Any, nodes: Index, components: int) -> NDArray[np.int32]:
+    """The DOFs of nodes by their numbers of `facet_nodes`, (len(nodes), components)."""
+    mesh = basis.mesh
+    edges = mesh.edges.shape[1] if basis.edge_dofs.size else 0
+    vertices = mesh.nvertices  # counted whenever one asks
+    starts = 0, vertices, vertices + edges
+    dofs = np.empty((len(nodes), components), dtype=np.int32)
+    for start, table in zip(starts, (basis.nodal_dofs, basis.edge_dofs, basis.facet_dofs), strict=True):
+        mine = (nodes >= start) & (nodes < start + table.shape[1])
+        if table.size:
+            dofs[mine] = table[:, nodes[mine] - start].T
+    return dofs
+
+
+def as_met(ids: Index) -> tuple[Index, Index]:
+    """Nodes of facets (nf, k) in the order in which facets meet them, and facets by these places.
+
+    >>> nodes, facets = as_met(np.array([[7, 3], [3, 5]]))
+    >>> nodes.tolist(), facets.tolist()
+    ([7, 3, 5], [[0, 1], [1, 2]])
+    """
+    flat = ids.ravel()
+    place = np.zeros(flat.max(initial=-1) + 1, dtype=np.intp)
+    place[flat[::-1]] = np.arange(len(flat))[::-1]  # of several places the last one, the first met
+    nodes = flat[place[flat] == np.arange(len(flat))]
+    place[nodes] = np.arange(len(nodes))
+    return nodes, place[ids]
+
+
+def held_components(body: Member, dofs: np.ndarray) -> Mask:
+    """Prescribed components of nodes, (m, d); a scalar field has no directions to hold."""
+    if dofs.shape[1] != body.dim or not len(body.D):
+        return np.zeros((len(dofs), body.dim), dtype=bool)
+    held = np.zeros(body.n, dtype=bool)
+    held[body.D] = True
+    return held[dofs]
+
+
+# -- pieces of a mesh ------------------------------------------------------------------------------
+
+
+def pieces(elements: Index, n: int) -> Index:
+    """Number of the connected piece that each of n DOFs belongs to, shape (n,).
+
+    Parameters
+    ----------
+    elements : ndarray of int, shape (k, ne)
+        DOFs of each element.
+    n : int
+
+    Examples
+    --------
+    >>> pieces(np.array([[0, 1, 4], [1, 2, 3]]), 5).tolist()
+    [0, 0, 0, 1, 1]
+    """
+    # DOFs are the first nodes of the graph, and elements the last: their rows are what is known
+    size = n + elements.shape[1]
+    start = np.zeros(size + 1, dtype=elements.dtype)
+    start[n:] = np.arange(0, elements.size + 1, len(elements))
+    graph = csr_matrix((np.ones(elements.size), elements.T.ravel(), start), shape=(size, size))
+    return np.asarray(connected_components(graph, directed=False)[1][:n], dtype=np.intp)

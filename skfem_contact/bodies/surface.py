@@ -9,16 +9,32 @@ from typing import Any
 import numpy as np
 
 from skfem_contact.arguments import NamesAttributes, check_name, numbers
-from skfem_contact.bodies.areas import own_normals, tributary_areas
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
-from skfem_contact.bodies.facets import check_facets, order_along, seen_from_outside, twin_edges
-from skfem_contact.bodies.kinks import end_slopes, end_turns, kink_angles, sharp_edges
+from skfem_contact.bodies.facets import (
+    check_facets,
+    order_along,
+    own_normals,
+    seen_from_outside,
+    tributary_areas,
+    twin_edges,
+)
 from skfem_contact.bodies.member import Meshed
-from skfem_contact.bodies.nodes import as_met, facet_nodes, held_components, node_dofs
-from skfem_contact.bodies.normal_field import sizes_and_normals
-from skfem_contact.bodies.quadrics import Quadrics
-from skfem_contact.bodies.rings import mirrors
-from skfem_contact.bodies.selection import name_of, select_facets
+from skfem_contact.bodies.normal_field import (
+    end_slopes,
+    end_turns,
+    kink_angles,
+    sharp_edges,
+    sizes_and_normals,
+)
+from skfem_contact.bodies.quadrics import Quadrics, mirrors
+from skfem_contact.bodies.selection import (
+    as_met,
+    facet_nodes,
+    held_components,
+    name_of,
+    node_dofs,
+    select_facets,
+)
 from skfem_contact.bodies.thresholds import BENT
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
@@ -124,7 +140,7 @@ class ContactSurface(NamesAttributes):
         """ "body/name" for messages."""
         return f"{self.body.name}/{self.name}" if self.body.name else self.name
 
-    @property
+    @cached_property
     def dim(self) -> int:
         """Dimension of space."""
         return self.points.shape[1]
@@ -136,7 +152,7 @@ class ContactSurface(NamesAttributes):
             return self.undeformed.kind
         return kind_of(self.dim, self.facets.shape[1])
 
-    @property
+    @cached_property
     def quadratic(self) -> bool:
         """Facets have middle nodes."""
         return self.kind.quadratic
@@ -276,7 +292,7 @@ def surface_on(body: Any, numbers: np.ndarray, name: str, label: str | None = No
     if body.dim == 2:
         order = order_along(vertices)
         numbers, vertices = numbers[order], vertices[order]
-    given = facet_nodes(basis, numbers, vertices)
+    given = facet_nodes(mesh, basis, numbers, vertices)
     kind, twins = kind_of(body.dim, given.shape[1]), twin_edges(vertices)
     met = np.argsort(kind.locations[:, 0]) if kind.dim == 1 else np.arange(kind.nodes)
     unique, facets = as_met(given[:, met])
@@ -311,3 +327,46 @@ def surface_of(
     surface = ContactSurface(body, name, points, dofs, facets, twins=twins, **fields, **normals)
     seal(surface)
     return surface
+
+
+# -- surfaces of no body ---------------------------------------------------------------------------
+
+
+class NoBody:
+    """In place of a body: it does not give way, and no other surface belongs to it."""
+
+    name = None
+    measure = None
+    D = np.zeros(0, dtype=np.int64)
+
+    def __init__(self, d: int) -> None:
+        self.dim = self.components = d
+
+
+def bare_surface(points: np.ndarray, facets: np.ndarray, name: str) -> ContactSurface:
+    """A surface of given facets: lines with the solid on the left, one after the other, or faces.
+
+    It is the polygon or polyhedron that it is, no piece of a curve.
+
+    Parameters
+    ----------
+    points : ndarray, shape (m, d)
+        [length]
+    facets : ndarray of int, shape (nf, k)
+        Corners of faces counter-clockwise seen from outside.
+    name : str
+
+    Examples
+    --------
+    >>> points = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
+    >>> square = bare_surface(points, np.array([[0, 1], [1, 2], [2, 3], [3, 0]]), "square")
+    >>> square.facet_normals.tolist()[0]
+    [0.0, -1.0]
+    >>> points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]])
+    >>> bare_surface(points, np.array([[0, 1, 2]]), "floor").facet_normals.tolist()
+    [[0.0, 0.0, 1.0]]
+    """
+    dofs, count = np.arange(points.size).reshape(points.shape), len(facets)
+    twins = twin_edges(facets[:, : kind_of(points.shape[1], facets.shape[1]).corners])
+    given = {"mesh_facets": np.arange(count), "slopes": np.zeros((count, 2))}
+    return surface_of(NoBody(points.shape[1]), name, points, dofs, facets, twins, **given)

@@ -1,8 +1,7 @@
 """The contact conditions: gaps and slips as rows, friction laws, loads, and what they hold.
 
-* `friction`: laws, of wear too; `orthotropic`: friction with a material direction;
-  `return_map`, `friction_rule`: what laws make of trial forces; the rule at all points, every value
-  checked;
+* `friction`: laws, of wear too, and what they make of trial forces; `orthotropic`: friction with a
+  material direction; `friction_rule`: the rule at all points, every value checked;
 * `contact`, `discretisation`, `kinematics`, `geometry`: one contact, its pairing, gaps and slips, and
   where they are when contact slides far; `rows`: their matrices, along the axes of friction, of rigid
   bodies too;
@@ -30,13 +29,12 @@ __getattr__, __dir__ = entrances(
     __all__,
     {
         "discretisation": "carriers pair",
-        "friction": "Archard FrictionLaw",
+        "friction": "Archard Derivatives FrictionLaw radial_return unlawful",
         "friction_rule": "CheckedLaw FrictionRule steep_words",
         "kinematics": "Kinematics",
         "loads": "LoadCase Motion",
         "motions": "RigidMotions null_space rigid_motions",
         "orthotropic": "combinations duals OrthotropicCoulomb",
-        "return_map": "Derivatives radial_return unlawful",
         "rows": "combined_rows tangential_matrix",
         "state": "LocalState transport",
         "statics": "escape",

@@ -10,11 +10,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import structural_rank
 
-from skfem_contact.arrays import largest
+from skfem_contact.arrays import Array, Mask, largest
 from skfem_contact.bodies.member import Meshed
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
@@ -29,9 +28,6 @@ from skfem_contact.errors import ConstraintError, InputError, warn
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.diagnosis import NEVER, diagnose, look_alike, say_wrong_side
 from skfem_contact.pairing.node import Pairing
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 def check_passes(contacts: Sequence[Contact], names: Sequence[str]) -> None:

@@ -7,7 +7,7 @@ from dataclasses import KW_ONLY
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skfem_contact.arguments import (
     PrintedAsCall,
@@ -18,6 +18,7 @@ from skfem_contact.arguments import (
     shown,
     with_known_keywords,
 )
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.carried import carried
 from skfem_contact.conditions.friction import Archard, FrictionLaw
@@ -28,7 +29,6 @@ from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import kept
 
-Array = NDArray[np.float64]
 Field: TypeAlias = "ArrayLike | Callable[[Array], ArrayLike]"
 
 

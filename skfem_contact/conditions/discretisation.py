@@ -7,26 +7,22 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.arguments import shown
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.digits import COMPUTED, DECIMALS, SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.motion import MotionLike
-from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.pairing.control import at_control_points
+from skfem_contact.obstacles.obstacle import MotionLike, Obstacle
 from skfem_contact.pairing.corners import Names, corner_contacts
 from skfem_contact.pairing.frames import loaded_frames
 from skfem_contact.pairing.mortar import dual_mortar
-from skfem_contact.pairing.node import Pairing, gap_vectors, node_to_segment
+from skfem_contact.pairing.node import Pairing, at_control_points, gap_vectors, node_to_segment
 from skfem_contact.pairing.supports import along_supports, held_tangents
 from skfem_contact.pairing.vectors import entries
-
-Array = NDArray[np.float64]
 
 
 def pair(
@@ -199,27 +195,27 @@ def _without_idle(contact: Contact, pairing: Pairing) -> Pairing:
     return _without(pairing, idle)
 
 
-def _without(pairing: Pairing, left_out: NDArray[np.bool_]) -> Pairing:
+def _without(pairing: Pairing, left_out: Mask) -> Pairing:
     """The pairing less some points."""
     gap = np.where(left_out, np.inf, pairing.gap)
     return replace(pairing, paired=pairing.paired & ~left_out, gap=gap)
 
 
-def _idle_points(surface: ContactSurface, area: Array) -> NDArray[np.bool_]:
+def _idle_points(surface: ContactSurface, area: Array) -> Mask:
     """Points whose shape function has integral zero, shape (m,)."""
     middle = np.zeros(len(surface.points))
     np.maximum.at(middle, surface.facets, area[surface.facets].max(axis=1)[:, None])
     return np.asarray(area <= COMPUTED * middle)
 
 
-def carriers(surface: ContactSurface, pairing: Pairing) -> NDArray[np.intp]:
+def carriers(surface: ContactSurface, pairing: Pairing) -> Index:
     """The point whose pressure holds at each point, shape (m,).
 
     It is the point itself, except that a node merged by `dual_mortar` takes that of its heir, and
     one without area that of the middle of its facet. Of several heirs it is the one with the largest
     weight, of equal ones the one with the smaller gap: numbers of nodes have no say in it.
     """
-    heir: NDArray[np.intp] = np.arange(len(pairing.gap))
+    heir: Index = np.arange(len(pairing.gap))
     if surface.dim == 2 and surface.quadratic:
         at, middle = surface.facets, heir.copy()
         middle[at[:, :2]] = at[:, 2:]

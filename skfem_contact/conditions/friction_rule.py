@@ -9,32 +9,30 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.arguments import numbers
-from skfem_contact.arrays import lengths
+from skfem_contact.arrays import Array, Index, Mask, lengths, unit_vectors
 from skfem_contact.bodies.selection import written
 from skfem_contact.carried import ByFields
-from skfem_contact.conditions.friction import Coulomb, FrictionLaw, Tresca
-from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.conditions.return_map import (
+from skfem_contact.conditions.friction import (
+    Coulomb,
     Derivatives,
+    FrictionLaw,
     Mapped,
+    Tresca,
     map_by_bound,
     mapped_arrays,
     radial_return,
     unlawful,
 )
+from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.thresholds import BEYOND, DIFFERENCE, STEEP
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -389,3 +387,36 @@ def steep_words(law: FrictionLaw | None) -> str:
     if mu < STEEP:
         return ""
     return f"up to {np.degrees(np.arctan(mu)):.3g} degrees off the normal (mu = {mu:.6g})"
+
+
+class Slid(Protocol):
+    """A state of friction at the points along the tangents of a pairing; see `state.LocalState`."""
+
+    status: Index
+    area: Array
+    reference: Array
+    slip: Array
+    normal_force: Array
+    tangential_force: Array
+
+
+def friction_bound(laws: Laws, state: Slid) -> Array:
+    """Bound of the friction force in a state by the present laws; zero at open points, (m,)."""
+    rule = FrictionRule(laws, state.area, state.reference)
+    closed = state.status > 0
+    return np.where(closed, rule.bound(state.normal_force, state.slip), 0.0)
+
+
+def resisting_slips(laws: Laws, state: Slid, slips: Mask) -> Mask:
+    """Those of points that slip against a bound that grows with the slip: a spring along it, (m,)."""
+    rule = FrictionRule(laws, state.area, state.reference)
+    if rule.steady:
+        return np.zeros(len(slips), dtype=bool)
+    direction = unit_vectors(state.tangential_force)
+    return slips & rule.hardens(direction, state.normal_force, state.slip)
+
+
+def jumps_open(laws: Laws, area: Array, tangents: int, opens: Mask) -> bool:
+    """Whether some friction bound is not zero where nothing presses: it jumps where a point opens."""
+    still, none = np.zeros((len(area), tangents)), np.zeros(len(area))
+    return bool(np.any(FrictionRule(laws, area, still).bound(none, still)[opens] > 0))

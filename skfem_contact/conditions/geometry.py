@@ -21,9 +21,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags, identity, kron
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.checks import (
@@ -47,12 +47,9 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN, Identity, LocalState, transport
-from skfem_contact.obstacles.motion import spin
+from skfem_contact.obstacles.obstacle import spin
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.pairing.node import Pairing
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class Geometry:
@@ -86,7 +83,7 @@ class Geometry:
         self.surface_dofs = surface_dofs(system, contacts)
 
     @cached_property
-    def rank(self) -> NDArray[np.intp]:
+    def rank(self) -> Index:
         """Places of the points in an order that their positions and normals make, shape (m,).
 
         It does not depend on the order in which bodies, contacts and nodes were given.
@@ -267,7 +264,7 @@ class Geometry:
         return np.asarray(np.bincount(place, value, len(self.surface_dofs) + 1)[:-1], dtype=np.float64)
 
     @cached_property
-    def _places(self) -> NDArray[np.intp]:
+    def _places(self) -> Index:
         """Of each DOF among `surface_dofs`; one more for all others, (n,)."""
         place = np.full(self.system.n, len(self.surface_dofs))
         place[self.surface_dofs] = np.arange(len(self.surface_dofs))
@@ -314,7 +311,7 @@ def _largest(rows: Any) -> Array:
     return np.asarray(abs(csr_matrix(rows)).max(axis=1).toarray()).ravel()
 
 
-def surface_dofs(system: System, contacts: Sequence[Contact]) -> NDArray[np.intp]:
+def surface_dofs(system: System, contacts: Sequence[Contact]) -> Index:
     """DOFs (stacked) of the surfaces of contacts that slide far."""
     dofs = [np.zeros(0, dtype=int)]
     for contact in contacts:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.arguments import names_of
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.contact import NO_SLIP, Contact
@@ -19,9 +21,6 @@ from skfem_contact.conditions.rows import compliance_scale
 from skfem_contact.conditions.thresholds import STIFFNESS
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +62,7 @@ class Interface:
         number = point - self.point_slices[i].start
         return f"point {number} of contact {self.names[i]!r}, now at {written(position)},"
 
-    @property
+    @cached_property
     def slipping(self) -> Mask:
         """Points with tangential rows: without friction nothing tangential is modelled."""
         return self.frictional | self.tied
@@ -155,7 +154,7 @@ def point_labels(contact: Contact, m: int) -> NDArray[np.object_]:
     return np.array([f"point {i} of {label}" for i in range(m)], dtype=object)
 
 
-def secondary_dofs(system: System, contacts: Sequence[Contact]) -> NDArray[np.bool_]:
+def secondary_dofs(system: System, contacts: Sequence[Contact]) -> Mask:
     """Mask of the DOFs on the secondary surfaces, shape (n,)."""
     mask = np.zeros(system.n, dtype=bool)
     for contact in contacts:

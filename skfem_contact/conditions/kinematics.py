@@ -18,9 +18,9 @@ from dataclasses import replace
 from functools import cached_property, partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import block_diag, csr_matrix, identity
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact, field_values
@@ -41,14 +41,11 @@ from skfem_contact.conditions.rows import (
 )
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.control import gap_weights
-from skfem_contact.pairing.node import Pairing, gap_vectors
+from skfem_contact.pairing.node import Pairing, gap_vectors, gap_weights
 from skfem_contact.pairing.supports import can_move
 from skfem_contact.pairing.vectors import entries
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 ALL = slice(None)
 
 
@@ -121,14 +118,14 @@ class Kinematics:
     points: Array
     normal: Array
     tangent: Array
-    paired: NDArray[np.bool_]
-    tied: NDArray[np.bool_]
-    bilateral: NDArray[np.bool_]
-    heir: NDArray[np.intp]
+    paired: Mask
+    tied: Mask
+    bilateral: Mask
+    heir: Index
     action: Array
     offset: Array
     tilt: Array
-    vertex: NDArray[np.intp]
+    vertex: Index
     corners: tuple[frozenset[tuple[int, int]], ...] = ()
     gap_weights: csr_matrix | None = None
     scaled: Array | None = None
@@ -138,7 +135,7 @@ class Kinematics:
         return given if self.gap_weights is None else np.asarray(self.gap_weights @ given)
 
     @cached_property
-    def never_opens(self) -> NDArray[np.bool_]:
+    def never_opens(self) -> Mask:
         """Points that have a partner for good, (m,)."""
         return self.bilateral & self.paired
 
@@ -275,9 +272,7 @@ def kinematics(
     )
 
 
-def _leaning(
-    secondary: ContactSurface, frame: Array, still: NDArray[np.bool_], tied: bool
-) -> tuple[Array, Array]:
+def _leaning(secondary: ContactSurface, frame: Array, still: Mask, tied: bool) -> tuple[Array, Array]:
     """Of nodes that supports guide: tangential over normal component along what is free, (m,).
 
     And what is left of the tangential component along what is held, once so much of the normal row is
@@ -337,7 +332,7 @@ def _joined_axes(parts: Sequence[Kinematics]) -> Array | None:
     return np.concatenate([part.axes for part in parts])
 
 
-def without_columns(kin: Kinematics, columns: NDArray[np.intp]) -> Kinematics:
+def without_columns(kin: Kinematics, columns: Index) -> Kinematics:
     """The same rows restricted to some DOFs."""
     place = np.full(kin.B_n.shape[1], -1, dtype=kin.B_n.indices.dtype)
     place[columns] = np.arange(len(columns))
@@ -352,22 +347,22 @@ def _joined_tangential(parts: Sequence[Kinematics]) -> csr_matrix:
     return stacked_rows([part.B_t for part in parts])
 
 
-def _tangential_columns(kin: Kinematics, place: NDArray[np.intp], count: int) -> csr_matrix:
+def _tangential_columns(kin: Kinematics, place: Index, count: int) -> csr_matrix:
     return with_columns(kin.B_t, place, count)
 
 
-def prescribed_rows(B: csr_matrix, D: NDArray[np.intp]) -> Mask:
+def prescribed_rows(B: csr_matrix, D: Index) -> Mask:
     """Rows all of whose DOFs are prescribed: what they measure can not change."""
     return np.asarray(_on_free(B, D) <= GIVEN)
 
 
-def prescribed_tangents(kin: Kinematics, D: NDArray[np.intp]) -> Mask:
+def prescribed_tangents(kin: Kinematics, D: Index) -> Mask:
     """Tangents along which supports alone prescribe the slip of a point, shape (m, d-1)."""
     row = (_on_free(kin.B_t, D) == 0) & (np.diff(kin.B_t.indptr) > 0)
     return np.asarray(row.reshape(kin.m, kin.tangents) & kin.paired[:, None])
 
 
-def _on_free(B: csr_matrix, D: NDArray[np.intp]) -> Array:
+def _on_free(B: csr_matrix, D: Index) -> Array:
     """Sum of the sizes of the entries of each row that are at DOFs which are not prescribed."""
     held = np.zeros(B.shape[1], dtype=bool)
     held[D] = True

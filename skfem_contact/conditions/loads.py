@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skfem_contact.arrays import largest
+from skfem_contact.arrays import Array, Mask, largest
 from skfem_contact.carried import ByFields
-from skfem_contact.obstacles.motion import rotation_matrix, spin
+from skfem_contact.obstacles.obstacle import rotation_matrix, spin
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,10 +106,10 @@ class BoltLoads:
     shift: Array
     force: Array
     applied: Array | None = None
-    kept: NDArray[np.bool_] | None = None
+    kept: Mask | None = None
 
     @property
-    def given(self) -> NDArray[np.bool_]:
+    def given(self) -> Mask:
         """Bolts that have a given force, (b,)."""
         return ~np.isnan(self.force)
 
@@ -151,6 +149,9 @@ class LoadCase(ByFields):
         The number of the load step, where it was one.
     bolts : BoltLoads or None
         What holds the bolts, where there are any.
+    fluid : dict of ndarray
+        Pressures on all facets of bodies, by their number: `f` has their load on the undeformed
+        boundary, and the deformed one another [stress].
     """
 
     f: Array
@@ -163,6 +164,7 @@ class LoadCase(ByFields):
     scale: tuple[float | None, float | None] = (None, None)
     factor: float | None = None
     bolts: BoltLoads | None = None
+    fluid: Mapping[int, Array] = field(default_factory=dict)
 
     @property
     def applied(self) -> Array:
@@ -196,4 +198,8 @@ class LoadCase(ByFields):
             tuple(a.towards(b, share) for a, b in zip(self.motion, other.motion, strict=True)),
             other.own,
             bolts=other.bolts and self.bolts and self.bolts.towards(other.bolts, share),
+            fluid={
+                i: np.asarray((1 - share) * self.fluid.get(i, 0.0) + share * other.fluid.get(i, 0.0))
+                for i in {*self.fluid, *other.fluid}
+            },
         )

@@ -13,10 +13,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import block_diagonal
+from skfem_contact.arrays import Array, Mask, block_diagonal
 from skfem_contact.bodies.rigid_modes import largest
 from skfem_contact.bodies.system import System
 from skfem_contact.carried import ByFields
@@ -26,9 +25,6 @@ from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.errors import NoEquilibrium
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 # What is known of an equilibrium that was not found.
 SHOWN = (
@@ -97,8 +93,8 @@ class RigidMotions(ByFields):
 
     def free(
         self,
-        closed: NDArray[np.bool_],
-        stick: NDArray[np.bool_],
+        closed: Mask,
+        stick: Mask,
         firmly: float = RESISTS,
         more: Array | None = None,
     ) -> Array:
@@ -152,7 +148,7 @@ class RigidMotions(ByFields):
             products += stick.astype(float).dot(self._tangential_products)
         return _held(products.reshape(self.k, self.k), least)
 
-    def rows(self, closed: NDArray[np.bool_], stick: NDArray[np.bool_]) -> Array:
+    def rows(self, closed: Mask, stick: Mask) -> Array:
         """Motion of closed points along normals, then of sticking ones along tangents, (r, k)."""
         normal = self.normal[closed]
         if not np.count_nonzero(stick):

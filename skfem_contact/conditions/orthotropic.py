@@ -30,9 +30,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skfem_contact.arguments import numbers, shown, with_known_keywords
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.selection import written
 from skfem_contact.carried import carried
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw
@@ -42,9 +43,6 @@ from skfem_contact.errors import InputError
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import kept, sealed
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 COEFFICIENTS = "OrthotropicCoulomb: mu"
 PAIR = "give the coefficients along the direction and across it, mu=(mu_1, mu_2), or an array (m, 2)"

@@ -14,9 +14,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix, csr_matrix, diags
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
@@ -26,10 +26,6 @@ from skfem_contact.pairing.supports import held_rows
 from skfem_contact.pairing.thresholds import MOVING_SHARE
 from skfem_contact.pairing.vectors import assembled, cross, entries
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +87,7 @@ class Lever:
         values[np.ix_(held, free)] = 0.0
         some = np.flatnonzero(paired)
         columns = np.tile(np.arange(self.start, self.start + self.body.n), len(some))
-        rows: NDArray[np.intp] = np.repeat(some, self.body.n)
+        rows: Index = np.repeat(some, self.body.n)
         return np.asarray(values[some].ravel()), rows, columns
 
     def holds(self, direction: Array) -> Mask:
@@ -271,7 +267,7 @@ def compliance_scale(B: csr_matrix, diagonal: Array) -> Array:
     return np.divide(1.0, total, out=np.zeros_like(total), where=total > 0)
 
 
-def with_columns(B: csr_matrix, place: NDArray[np.intp], count: int) -> csr_matrix:
+def with_columns(B: csr_matrix, place: Index, count: int) -> csr_matrix:
     """Columns moved to their new place, and left out where that is negative.
 
     By hand, because slicing in SciPy goes over all columns of all bodies, for every new pairing.

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.surface import ContactSurface
@@ -29,8 +30,6 @@ from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
 
 OPEN, STICK, SLIP = range(3)
 STATUS = ("open", "stick", "slip")
@@ -74,7 +73,7 @@ def transport(vectors: Array, old: Array, new: Array) -> Array:
 class _History:
     """The common fields of `State`, with vectors (m, d), and `LocalState`, with components (m, d-1)."""
 
-    status: NDArray[np.intp]
+    status: Index
     slip: Array
     tangential_force: Array
     normal_force: Array
@@ -83,7 +82,7 @@ class _History:
     area: Array
     surface: Array
     trend: Array
-    vertex: NDArray[np.intp]
+    vertex: Index
     wear: Array
     worn: Array
 
@@ -98,9 +97,15 @@ class _History:
         return vars(self) | {"slip": slip, "tangential_force": force, "reference": reference}
 
 
-def _each(kin: Kinematics, of_slip: Array, of_friction: Array) -> Array:
-    """Vectors for slip, friction and reference, (3, m, d-1, d); (m, d-1, d) where they are the same."""
-    return of_slip if kin.scaled is None else np.stack([of_slip, of_friction, of_slip])
+def _each(kin: Kinematics, to_space: bool) -> Array:
+    """Vectors for slip, friction and reference, (3, m, d-1, d); (m, d-1, d) where they are the same.
+
+    Slips are combined of duals and measured along axes, friction the other way round.
+    """
+    if kin.scaled is None:
+        return kin.axes
+    slips, friction = (kin.duals, kin.axes) if to_space else (kin.axes, kin.duals)
+    return np.stack([slips, friction, slips])
 
 
 @dataclass(eq=False)
@@ -114,7 +119,7 @@ class LocalState(_History):
     def in_space(self, kin: Kinematics) -> State:
         """Return the state as vectors in space; `kin` is the pairing that it belongs to."""
         components = self._friction
-        basis = _each(kin, kin.duals, kin.axes)
+        basis = _each(kin, to_space=True)
         if kin.tangents == 1:  # in every step: sums over so few are dear to einsum
             vectors = components * basis[..., 0, :]
         else:
@@ -158,7 +163,7 @@ class State(_History):
         vectors = self._friction
         if self.normal is not kin.normal and not np.array_equal(self.normal, kin.normal):
             vectors = transport(vectors, self.normal, kin.normal)
-        basis = _each(kin, kin.axes, kin.duals)
+        basis = _each(kin, to_space=False)
         if kin.tangents == 1:
             x, y = vectors[..., 0], vectors[..., 1]
             components = (x * basis[..., 0, 0] + y * basis[..., 0, 1])[..., None]
@@ -171,7 +176,7 @@ class State(_History):
         del known["normal"]
         return LocalState(**known)
 
-    def handed_on(self, vertex: NDArray[np.intp], point_slices: Sequence[slice]) -> State:
+    def handed_on(self, vertex: Index, point_slices: Sequence[slice]) -> State:
         """The state with the history of every vertex at the point that carries its row now.
 
         A vertex of the primary that slides along the secondary goes from point to point, and its slip
@@ -223,10 +228,10 @@ class Identity:
 
     bodies: NDArray[Any]
     contacts: NDArray[Any]
-    sizes: NDArray[np.intp]
+    sizes: Index
     elements: NDArray[Any]
     places: Array
-    points: NDArray[np.intp]
+    points: Index
     sides: NDArray[Any]
 
     @classmethod

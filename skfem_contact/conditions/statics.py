@@ -14,9 +14,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skfem_contact.arrays import largest
+from skfem_contact.arrays import Array, Mask, largest
 from skfem_contact.conditions.friction import Coulomb
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.motions import RigidMotions
@@ -24,9 +23,6 @@ from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.state import LocalState
 from skfem_contact.conditions.thresholds import CARRIED, DIRECTIONS, FEASIBLE, LEFT_ALONG
 from skfem_contact.digits import SOLVED
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 def load_on(motions: RigidMotions, f: Array) -> tuple[Array, float]:

@@ -1,6 +1,6 @@
 """Constraints by elimination: ``C u = b`` becomes ``u = T u_r + c``.
 
-* `pivoting`, `constraint`, `transformation`: from rows to T;
+* `pivoting`, `constraint`: from rows to T;
 * `condensed_system`: the rows of contacts, and what solvers of scikit-fem take;
 * `thresholds`: numbers, and where they come from.
 """
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from skfem_contact.elimination.condensed_system import condense as condense
     from skfem_contact.elimination.condensed_system import contact_rows as contact_rows
     from skfem_contact.elimination.constraint import AffineConstraint as AffineConstraint
-    from skfem_contact.elimination.transformation import eliminate as eliminate
+    from skfem_contact.elimination.constraint import eliminate as eliminate
 
 __all__ = ["AffineConstraint", "ConstraintRows", "condense", "contact_rows", "eliminate"]
 
@@ -23,8 +23,7 @@ __getattr__, __dir__ = entrances(
     __all__,
     {
         "condensed_system": "condense ConstraintRows contact_rows",
-        "constraint": "AffineConstraint",
+        "constraint": "AffineConstraint eliminate",
         "pivoting": "find_pivots",
-        "transformation": "eliminate",
     },
 )

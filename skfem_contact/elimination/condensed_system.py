@@ -14,19 +14,16 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.arguments import check_kind, known_keywords, members, numbers, shown
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.discretisation import pair
 from skfem_contact.conditions.interface import point_labels, secondary_dofs
 from skfem_contact.conditions.kinematics import join, kinematics
 from skfem_contact.digits import SOLVED
-from skfem_contact.elimination.constraint import prescribed, sparse_matrix
-from skfem_contact.elimination.transformation import eliminate
+from skfem_contact.elimination.constraint import eliminate, prescribed, sparse_matrix
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-
 
 # Attributes of rows that `condense` passes to `eliminate`.
 OPTIONS = ("prefer", "labels", "scale")
@@ -171,7 +168,7 @@ class ConstraintRows:
 
     C: csr_matrix
     b: Array
-    prefer: NDArray[np.bool_]
+    prefer: Mask
     labels: tuple[str, ...]
     scale: float = 0.0
 

@@ -24,11 +24,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.elimination.thresholds import AGREEMENT, WELL_CONDITIONED, WORTH_PIVOTING
 from skfem_contact.records import dataclass
 
 IntArray = NDArray[np.integer[Any]]
-FloatArray = NDArray[np.float64]
+FloatArray = Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +51,7 @@ class Pivots:
     inverse: sp.csr_matrix
 
 
-def find_pivots(A: sp.csr_matrix, prefer: NDArray[np.bool_] | None = None) -> Pivots:
+def find_pivots(A: sp.csr_matrix, prefer: Mask | None = None) -> Pivots:
     """Choose a pivot for every independent row of `A`.
 
     Parameters
@@ -109,7 +110,7 @@ def row_maximum(A: sp.csr_matrix, values: NDArray[Any]) -> NDArray[Any]:
     return top
 
 
-def _best_entries(A: sp.csr_matrix, prefer: NDArray[np.bool_] | None) -> IntArray:
+def _best_entries(A: sp.csr_matrix, prefer: Mask | None) -> IntArray:
     """Column each row proposes as pivot; -1 where (nearly) nothing is left of the row."""
     row = _entry_rows(A)
     score = np.abs(A.data)
@@ -180,7 +181,7 @@ def _choose_again(
     pivot: IntArray,
     block: IntArray,
     changed: IntArray,
-    prefer: NDArray[np.bool_] | None,
+    prefer: Mask | None,
 ) -> IntArray:
     """Pivots with those of the blocks of the rows `changed` replaced where they do not serve."""
     owner, new = _owner(pivot, A.shape[1]), pivot.copy()

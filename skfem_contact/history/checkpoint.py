@@ -1,8 +1,7 @@
-"""States on disk, and results of a history so far: one that was interrupted goes on from them."""
+"""States on disk: a history that was interrupted goes on from them."""
 
 from __future__ import annotations
 
-import weakref
 import zlib
 from dataclasses import asdict, field, fields
 from pathlib import Path
@@ -10,19 +9,14 @@ from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skfem_contact.answers.answer import Answer, answer_of
-from skfem_contact.answers.result import ContactResult
+from skfem_contact.answers.answer import Answer
 from skfem_contact.arguments import file_path
-from skfem_contact.carried import copied
+from skfem_contact.arrays import Array
 from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.conditions.state import Identity, State
 from skfem_contact.errors import InputError, warn
-from skfem_contact.history.read import StepReader
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
 
 FORMAT = 7  # of the file; a file of another one is refused
 # What reading a file may raise that is damaged, or that is none of ours.
@@ -89,7 +83,7 @@ class SavedState:
 
     @property
     def bolt_names(self) -> tuple[str, ...]:
-        """Of the bolts."""
+        """Names of the bolts."""
         return tuple(self.tightness)
 
 
@@ -112,7 +106,7 @@ def save_state(path: str | Path, result: Answer | SavedState) -> Path:
     data["dissipation_by_contact"] = result.dissipation_by_contact
     data |= {f"identity_{name}": value for name, value in result.identity.as_arrays().items()}
     data |= {"converged": result.converged, "message": result.message}
-    data |= _materials(result)
+    data |= _materials(result) | {f"fluid_{i}": value for i, value in case.fluid.items()}
     _write(path, data)
     if not result.converged:
         warn(
@@ -212,6 +206,7 @@ def _state(path: Path, data: dict[str, Any], identity: Identity) -> SavedState:
         own=tuple(map(bool, data["case_own"])),
         scale=(scale[0], scale[1]),
         factor=scale[2],
+        fluid={int(key[6:]): data[key] for key in data if key.startswith("fluid_")},
     )
     lost = data["dissipation_before"], data["dissipation_by_contact"]
     converged, message = bool(data["converged"]), str(data["message"])
@@ -240,43 +235,3 @@ def _materials(result: Answer | SavedState) -> dict[str, Any]:
 def _motions(motions: tuple[Motion, ...]) -> dict[str, Any]:
     listed = [asdict(motion) for motion in motions]
     return {f"motion_{f.name}": np.array([m[f.name] for m in listed]) for f in fields(Motion)}
-
-
-NONE = np.zeros(0)
-
-
-@dataclass(eq=False)
-class PartialResults:
-    """Results of one history, in their order."""
-
-    _light: list[tuple[Answer, StepReader]] = field(default_factory=list)
-    _alive: list[weakref.ref[ContactResult]] = field(default_factory=list)
-
-    def add(self, result: ContactResult, reader: StepReader) -> None:
-        """Keep a result; `reader` knows the loads that a number stands for."""
-        answer = answer_of(result)
-        # a number stands for the loads, but not for those of bolts
-        named = answer.factor is None or bool(answer.bolt_names)
-        light = copied(answer) if named else _with_loads(answer, NONE, NONE)
-        self._light.append((light, reader))
-        self._alive.append(weakref.ref(result))
-
-    def all(self) -> tuple[ContactResult, ...]:
-        """The results themselves where they are still held by somebody, and equal ones elsewhere."""
-        found = []
-        for (light, reader), alive in zip(self._light, self._alive, strict=True):
-            result = alive()
-            if result is None:
-                if light.factor is not None and not light.bolt_names:
-                    loads = reader.read(light.factor, light.case)
-                    light = _with_loads(light, loads.f, loads.x)
-                result = ContactResult(light)
-            found.append(result)
-        return tuple(found)
-
-
-def _with_loads(answer: Answer, f: Array, x: Array) -> Answer:
-    """The same answer with other vectors of loads, and without what it remembers."""
-    case = copied(answer.case, f=f, x=x)
-    seen = case if answer.seen is answer.case else copied(answer.seen, f=f, x=x)
-    return copied(answer, case=case, seen=seen, recover=copied(answer.recover, case=case))

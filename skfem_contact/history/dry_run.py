@@ -6,14 +6,14 @@ Then what is said while a history is solved: a bar, a line of the log, how far i
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.values import status_words
+from skfem_contact.arrays import Index
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
@@ -32,9 +32,6 @@ from skfem_contact.pairing.diagnosis import diagnose, say_stiffer
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.trees import pairs_within
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class Solver(Protocol):
@@ -266,13 +263,13 @@ class Progress:
 
     Parameters
     ----------
-    steps : iterable
-        With a length there is an estimate.
+    total : int or None
+        How many steps there are: with that there is an estimate.
     prepare : callable
         What is done once, before the first step: it is no step, and not counted in the estimate.
     """
 
-    def __init__(self, steps: Any, prepare: Callable[[], object]) -> None:
+    def __init__(self, total: int | None, prepare: Callable[[], object]) -> None:
         try:
             from tqdm.auto import tqdm
         except ImportError:
@@ -280,7 +277,6 @@ class Progress:
                 "progress=True needs tqdm, which is not installed: "
                 "pip install 'skfem-contact[progress]'"
             ) from None
-        total = count(steps)
         # smoothing=0: the mean of all steps, since the last is no better guess for the rest
         self.bar = tqdm(total=total, unit="step", smoothing=0, desc="condensing the bodies")
         try:
@@ -299,24 +295,6 @@ class Progress:
     def close(self) -> None:
         """The bar stays as it is."""
         self.bar.close()
-
-
-class Silent:
-    """In place of a bar."""
-
-    def shows(self, answer: Answer) -> None:
-        """Nothing."""
-
-    def close(self) -> None:
-        """Nothing."""
-
-
-def count(steps: Any) -> int | None:
-    """Return how many steps there are, where that is known."""
-    try:
-        return len(steps)
-    except TypeError:  # a generator; or what is no list of steps, which is refused where it is read
-        return None
 
 
 def words(answer: Answer) -> str:

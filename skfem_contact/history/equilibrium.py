@@ -10,21 +10,22 @@ from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.result import ContactResult, falling
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.friction_rule import jumps_open
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium
 from skfem_contact.conditions.statics import drives, escape
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import NoEquilibrium, NotConverged, SingularMatrix
 from skfem_contact.history.grip import Grip
-from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, rough_at_rest
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.stepping import advance
-from skfem_contact.pairing.vertices import Corners
+from skfem_contact.pairing.corners import Corners
 from skfem_contact.problem.model import EVEN_CLOSED, LinearModel
 from skfem_contact.records import dataclass
 
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 
     Known = Answer | SavedState | None
 
-Array = NDArray[np.float64]
 
 CAN_CARRY = "with the forces that contact can carry"
 
@@ -130,6 +130,11 @@ class EquilibriumSearch:
     grip: Grip | None = None
 
     @property
+    def last(self) -> EquilibriumSearch:
+        """Itself: of bodies that are not linear there are many."""
+        return self
+
+    @property
     def settled(self) -> Rest | None:
         """The answer that leaves motions free, where it is one."""
         return None if self.rest is None or self.rest.pull else self.rest
@@ -157,7 +162,8 @@ class EquilibriumSearch:
             if not may_float:
                 raise
             return self._free(error)
-        if may_float and self.advance.attempt.good:
+        good = self.advance.attempt.good
+        if may_float and good:
             self.grip = Grip.of(model, self.advance.attempt)
             if self.grip.idles:
                 self._press()
@@ -167,7 +173,7 @@ class EquilibriumSearch:
         if rest is not None:
             rest.advance.trace[:0] = self.advance.trace
             self.advance = rest.advance
-        return self._judged()
+        return ARRIVED if good and self.rest is None else self._judged()
 
     def _judged(self) -> Verdict:
         """Return what the last attempt says of the step, and what was found out about it on the way."""
@@ -190,7 +196,8 @@ class EquilibriumSearch:
         if attempt.stateless is not None:
             return Verdict(advice=JUMPS + _stateless(attempt))
         changes = attempt.outcome.iterate.changes
-        if changes and rough_at_rest(interface, attempt.local.area, kin.tangents):
+        opens = attempt.local.area, kin.tangents, ~interface.bilateral
+        if changes and jumps_open(interface.laws, *opens):
             return Verdict(advice=JUMPS + USUALLY)
         return Verdict(carries=carries, advice=TOO_MUCH if attempt.at_limit else USUALLY)
 

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.answers.tangent.changes import LOADS, Parameter, contracted, parameter
-from skfem_contact.answers.tangent.rates import Carried, backward, check_lost
+from skfem_contact.answers.tangent.changes import LOADS, Parameter, contracted
+from skfem_contact.answers.tangent.rates import backward
 from skfem_contact.answers.tangent.sensitivity import Sensitivity, sensitivity, weights_of
-from skfem_contact.answers.tangent.tangent import Tangent
+from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import numbers, shown
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
@@ -116,38 +116,20 @@ class Jacobian:
         return " ".join(said)
 
 
-def tangents_of(results: list[ContactResult], by: Sequence[Parameter]) -> list[Tangent]:
-    """The tangent of each result of a history, on the same zones."""
+def _linearised(
+    results: list[ContactResult], asked: Callable[..., Any], by: Sequence[Parameter], what: str
+) -> tuple[list[Tangent], Any, list[Any]]:
+    """The tangents of a history, a user's value of it, and the derivatives of that by each result."""
     if not results:
         raise InputError("steps are empty: there is nothing to differentiate")
-    answers, zones, tangents = (
-        [answer_of(result) for result in results],
-        dict[int, Any](),
-        list[Tangent](),
-    )
+    answers, zones = [answer_of(result) for result in results], dict[int, Any]()
+    tangents = list[Tangent]()
     for answer in answers:  # of the same bodies: steps that tighten bolts have others
         tangents.append(Tangent(answer, zones.get(id(answer.model))))
-        zones.setdefault(id(answer.model), tangents[-1].zones)
+        zones[id(answer.model)] = tangents[-1].zones
     if any(p.kind in ("stiffness", "scene") for p in by):
         recover_all(answers)
-    return tangents
-
-
-def parameters(by: Any, many: bool) -> tuple[Parameter, ...]:
-    """The parameters that a user names."""
-    given = [by] if isinstance(by, str | Parameter) else list(by)
-    found = tuple(parameter(p) for p in given)
-    if not found:
-        raise InputError("by is empty: name what to differentiate by, by=['friction']")
-    if not many and any(p.field or p.each_step for p in found):
-        raise InputError(
-            "jacobian: each parameter is one number; field=True and each_step=True are for gradient"
-        )
-    return found
-
-
-def _derivatives(given: Any, results: Sequence[ContactResult], what: str) -> tuple[Any, list[Any]]:
-    """Value and derivatives by result that a user's function returned."""
+    given = asked(results)
     try:
         value, derivatives = given
         derivatives = list(derivatives)
@@ -158,39 +140,30 @@ def _derivatives(given: Any, results: Sequence[ContactResult], what: str) -> tup
         ) from None
     if len(derivatives) != len(results):
         raise InputError(f"{what} returned {len(derivatives)} derivatives for {len(results)} results")
-    return value, derivatives
+    return tangents, value, derivatives
 
 
 def gradient(
     results: list[ContactResult], objective: Callable[..., Any], by: tuple[Parameter, ...]
 ) -> Gradient:
     """See `ContactSolver.gradient`; of a history that is solved."""
-    tangents = tangents_of(results, by)
-    value, given = _derivatives(objective(results), results, "the objective")
-    loads = any(p.kind in LOADS for p in by)
-    found: list[list[Any]] = [[] for _ in by]
-    after: Carried | None = None
-    of = weights_of([tangent.answer for tangent in tangents], given)
+    tangents, value, given = _linearised(results, objective, by, "the objective")
+    weights, after = weights_of([tangent.answer for tangent in tangents], given), Values()
+    loads, parts = any(p.kind in LOADS for p in by), list[list[Any]]()
     with single_threaded():
-        for tangent, weights in zip(reversed(tangents), reversed(of), strict=True):
-            if np.count_nonzero(weights.lost):
-                check_lost(tangent)
-            duals, after = backward(tangent, weights, after, loads)
-            for p, parts in zip(by, found, strict=True):
-                parts.append(contracted(p, tangent, duals, weights))
-    parts = [np.array(own[::-1]) if p.each_step else sum(own) for p, own in zip(by, found, strict=True)]
-    return Gradient(float(value), by, parts, results)
+        for tangent, own in zip(reversed(tangents), reversed(weights), strict=True):
+            duals, after = backward(tangent, own, after, loads)
+            parts.insert(0, [contracted(p, tangent, duals) for p in by])
+    each = zip(by, zip(*parts, strict=True), strict=True)
+    found = [np.array(own) if p.each_step else sum(own) for p, own in each]
+    return Gradient(float(value), by, found, results)
 
 
 def jacobian(
-    results: list[ContactResult],
-    observe: Callable[..., Any],
-    by: tuple[Parameter, ...],
-    side: int,
+    results: list[ContactResult], observe: Callable[..., Any], by: tuple[Parameter, ...], side: int
 ) -> Jacobian:
     """See `ContactSolver.jacobian`; of a history that is solved."""
-    tangents = tangents_of(results, by)
-    values, given = _derivatives(observe(results), results, "observe")
+    tangents, values, given = _linearised(results, observe, by, "observe")
     values = numbers(values, "values of observe", "give a vector")
     matrix, rows = np.zeros((len(values), len(by))), [_rows(own, len(values)) for own in given]
     for j, p in enumerate(by):

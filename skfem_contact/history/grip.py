@@ -6,23 +6,20 @@ from functools import cached_property
 from operator import mul
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from skfem_contact.arrays import largest, lengths
+from skfem_contact.arrays import Array, Mask, largest, lengths
+from skfem_contact.conditions.friction_rule import resisting_slips
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import BARELY, RigidMotions, null_space
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import RESISTS
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
-from skfem_contact.history.load_step import Attempt, resisting_slips
+from skfem_contact.history.load_step import Attempt
 from skfem_contact.history.thresholds import ACROSS, TINY, TURNED
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(eq=False)
@@ -62,7 +59,9 @@ class Grip:
         carrying = (state.status != OPEN) & (state.normal_force > floor)
         carrying |= motions.kin.never_opens
         stick = carrying & model.interface.slipping & (state.status == STICK)
-        stick |= carrying & resisting_slips(model.interface, state)
+        slips = carrying & (state.status == SLIP)
+        if np.count_nonzero(slips):
+            stick |= resisting_slips(model.interface.laws, state, slips)
         firmly = TURNED if model.geometry.follows else RESISTS
         return cls(motions, attempt, carrying, stick, max(most, floor, TINY), firmly)
 

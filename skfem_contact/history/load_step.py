@@ -8,16 +8,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.placed import Origin
-from skfem_contact.arrays import lengths
-from skfem_contact.conditions.friction_rule import FrictionRule
+from skfem_contact.arrays import Array, lengths
+from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import OPEN, SLIP, LocalState, State
+from skfem_contact.conditions.state import LocalState, State
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.driver import Outcome
 from skfem_contact.loops.step import Record
@@ -32,33 +31,11 @@ from skfem_contact.sealed import sealed
 if TYPE_CHECKING:
     from skfem_contact.loops.pulled import Carried
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
-
-@dataclass(eq=False)
-class Energy:
-    """Energies of the way so far, per contact [energy].
-
-    Attributes
-    ----------
-    lost : ndarray
-        By friction, see `friction_energy`.
-    residual : ndarray
-        What the energy balance misses.
-    """
-
-    lost: Array
-    residual: Array
-
-    def __add__(self, other: Energy) -> Energy:
-        return Energy(self.lost + other.lost, self.residual + other.residual)
-
 
 def friction_energy(
     interface: Interface, last: LocalState, new: LocalState, plastic: Array, bound: Array
-) -> Energy:
-    r"""Energy that friction takes between two states, and what the energy balance misses.
+) -> Array:
+    r"""Energy that friction takes between two states, and what the balance misses, (2, contacts).
 
     On its plastic slip ``s_p`` a point loses the mean of its friction bounds at both ends,
 
@@ -75,13 +52,13 @@ def friction_energy(
     Overlaps of the meshes count as misfit that the loads' work has in it. `plastic` and `bound` are the
     `plastic_slip` between the two and the `friction_bound` of the new one.
     """
-    bounds, way = friction_bound(interface, last) + bound, lengths(plastic)
+    bounds, way = friction_bound(interface.laws, last) + bound, lengths(plastic)
     friction = last.tangential_force + new.tangential_force
     pressing = last.normal_force + new.normal_force
-    found = nothing(interface)
+    found = lost, residual = np.zeros((2, len(interface.point_slices)))
     for k, part in enumerate(interface.point_slices):  # the means are halves of sums
-        found.lost[k] = 0.5 * bounds[part].dot(way[part])
-        found.residual[k] = 0.5 * np.vdot(friction[part], plastic[part]) - found.lost[k]
+        lost[k] = 0.5 * bounds[part].dot(way[part])
+        residual[k] = 0.5 * np.vdot(friction[part], plastic[part]) - lost[k]
     opens = (pressing != 0) & ((new.gap > 0) | (last.gap > 0))
     if np.count_nonzero(opens):
         # points without partner have no gap, also one that finds or loses it between the two states
@@ -89,7 +66,7 @@ def friction_energy(
         moved = np.zeros(len(opens))
         moved[opens] = np.maximum(new.gap[opens], 0.0) - np.maximum(last.gap[opens], 0.0)
         for k, part in enumerate(interface.point_slices):
-            found.residual[k] -= 0.5 * (pressing[part] @ moved[part])
+            residual[k] -= 0.5 * (pressing[part] @ moved[part])
     return found
 
 
@@ -98,44 +75,6 @@ def plastic_slip(interface: Interface, last: LocalState, new: LocalState) -> Arr
     G = interface.stiffness[:, None]
     elastic = (new.tangential_force - last.tangential_force) / G  # zero where sticking is exact
     return np.where(interface.frictional[:, None], new.slip - last.slip - elastic, 0.0)
-
-
-def friction_bound(interface: Interface, state: LocalState) -> Array:
-    """Bound of the friction force in a state by the present laws; zero at open points, (m,)."""
-    rule = FrictionRule(interface.laws, state.area, state.reference)
-    bound = rule.bound(state.normal_force, state.slip)
-    bound[state.status == OPEN] = 0.0
-    return bound
-
-
-def posed(
-    case: LoadCase, origin: Origin | None, problem: ContactProblem, model: LinearModel
-) -> LoadCase:
-    """A load case as a problem counts it whose unknowns may have an origin."""
-    return case if origin is None else origin.seen(case, problem.kin, model)
-
-
-def resisting_slips(interface: Interface, state: LocalState) -> Mask:
-    """Points that slip against a bound that grows with the slip: a spring along it, (m,)."""
-    rule, slips = FrictionRule(interface.laws, state.area, state.reference), state.status == SLIP
-    if rule.steady or not np.count_nonzero(slips):
-        return np.zeros(len(slips), dtype=bool)
-    size = lengths(state.tangential_force)
-    direction = state.tangential_force / np.where(size > 0, size, 1.0)[:, None]
-    return slips & rule.hardens(direction, state.normal_force, state.slip)
-
-
-def rough_at_rest(interface: Interface, area: Array, tangents: int) -> bool:
-    """Whether some friction bound is not zero where nothing presses: it jumps where a point opens."""
-    still = np.zeros((len(area), tangents))
-    bound = FrictionRule(interface.laws, area, still).bound(np.zeros(len(area)), still)
-    return bool(np.any(bound[~interface.bilateral] > 0))  # what is bilateral never opens
-
-
-def nothing(interface: Interface) -> Energy:
-    """No energy lost."""
-    contacts = len(interface.point_slices)
-    return Energy(np.zeros(contacts), np.zeros(contacts))
 
 
 @dataclass(eq=False)
@@ -203,7 +142,7 @@ class Attempt:
 
     def posed(self, case: LoadCase) -> LoadCase:
         """A load case as its problem counts it."""
-        return posed(case, self.origin, self.problem, self.model)
+        return case if self.origin is None else self.origin.seen(case, self.problem.kin, self.model)
 
     @cached_property
     def state(self) -> State:
@@ -223,10 +162,10 @@ class Attempt:
     @cached_property
     def friction_bound(self) -> Array:
         """Of the friction forces at its end; zero at open points, (m,) [force]."""
-        return friction_bound(self.model.interface, self.local)
+        return friction_bound(self.model.interface.laws, self.local)
 
     @property
-    def energy(self) -> Energy:
+    def energy(self) -> Array:
         """Return what friction takes on its way."""
         interface, bound = self.model.interface, self.friction_bound
         return friction_energy(interface, self.start, self.local, self.plastic_slip, bound)
@@ -256,12 +195,13 @@ class Attempt:
 class Advance:
     """The way that a load step has come, and the last attempt, which says whether it has arrived.
 
+    `energy` is the `friction_energy` of all parts together, (2, contacts).
     `unsettled` is the last attempt whose pairing did not settle, since a part of the step was reached:
     of smaller parts, which begin on its pairing, the loop may fail before they come to pair anew.
     `carried` is the largest share of it that a loading machine has come to, where it did not arrive.
     """
 
-    energy: Energy
+    energy: Array
     attempt: Attempt = field(init=False)
     unsettled: Attempt | None = None
     trace: list[Record] = field(default_factory=list)
@@ -269,15 +209,19 @@ class Advance:
     substeps: int = 1
     carried: float | None = None
 
-    def came_to(self, attempt: Attempt, done: float, aim: float) -> None:
-        """The last attempt, at the part of the step between two shares of it."""
-        self.attempt = attempt
-        if attempt.good:
+    def came_to(self, attempt: Attempt, done: float, aim: float) -> bool:
+        """Whether the last attempt has arrived, at the part of the step between two shares of it."""
+        self.attempt, good = attempt, attempt.good
+        self.trace.extend(attempt.outcome.trace)
+        if good:
             self.unsettled = None
+            if attempt.model.interface.laws:
+                self.energy += attempt.energy
         elif attempt.culprit >= 0 and attempt.travel <= 1.0:
             self.unsettled = attempt
         if attempt.carried is not None:
             self.carried = done + (aim - done) * attempt.carried.share
+        return good
 
     @property
     def words(self) -> str:

@@ -22,8 +22,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.conditions.motions import NEAR, NOWHERE, RigidMotions
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.conditions.statics import drives
@@ -37,9 +37,6 @@ from skfem_contact.history.thresholds import FALLS, FEW_CUTS, FIRM, NO_REACTION,
 from skfem_contact.linalg.dense_factors import nonnegative_least_squares
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,20 +27,20 @@ from __future__ import annotations
 
 import logging
 from dataclasses import field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.newton import Iteration
-from skfem_contact.answers.placed import Placed, point_forces
+from skfem_contact.answers.placed import Iteration, Placed, point_forces
 from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.history.equilibrium import ARRIVED, EquilibriumSearch, Verdict
-from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, nothing
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.refined import ROUGH, UNSOLVED, holds, refined, usable
 from skfem_contact.history.remarks import remarks
 from skfem_contact.history.stepper import Stepper
@@ -55,15 +55,12 @@ from skfem_contact.history.thresholds import (
 )
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.thresholds import DECREASE, HALVINGS
-from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.seam import Workspace
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
 
 if TYPE_CHECKING:
     from skfem_contact.history.equilibrium import Known
-    from skfem_contact.history.grip import Grip
-    from skfem_contact.history.neutral_equilibrium import Rest
 
 Array = NDArray[np.float64]
 
@@ -76,18 +73,21 @@ class Solved:
 
     Attributes
     ----------
-    attempt : Attempt
+    attempt : Attempt or None
     u : ndarray, shape (n,)
         Displacements of all bodies [length].
-    forces : ndarray, shape (n,)
-        Of contact, on the DOFs [force].
     verdict : Verdict
     """
 
     attempt: Attempt | None
     u: Array
-    forces: Array
     verdict: Verdict = ARRIVED
+
+    @cached_property
+    def forces(self) -> Array:
+        """Of contact, on the DOFs, (n,) [force]."""
+        assert self.attempt is not None
+        return point_forces(self.attempt.problem.kin, self.attempt.local)
 
 
 @dataclass(eq=False)
@@ -107,6 +107,10 @@ class NonlinearSearch:
         Of all iterates, those of parts that failed included.
     remarks : dict of str
         What is to be said of the answer, see `remarks.remarks`.
+    recovery : Recovery
+        The displacements, which are known.
+    last : EquilibriumSearch
+        For the answer of the last linear problem that was looked into.
     """
 
     stepper: Stepper
@@ -116,38 +120,18 @@ class NonlinearSearch:
     placed: Placed = field(init=False)
     newton: list[Iteration] = field(default_factory=list)
     remarks: dict[str, str] = field(default_factory=dict)
-    _last: Placed | None = None
-    _search: EquilibriumSearch | None = None
-    _found: Recovery | None = None
+    recovery: Recovery = field(init=False)
+    last: EquilibriumSearch = field(init=False)
+    _reached: Placed | None = None
     _why: str = ""
-
-    @property
-    def settled(self) -> Rest | None:
-        """As of the last linear problem."""
-        return None if self._search is None else self._search.settled
-
-    @property
-    def grip(self) -> Grip | None:
-        """As of the last linear problem."""
-        return None if self._search is None else self._search.grip
-
-    @property
-    def model(self) -> LinearModel:
-        """The model that these are of."""
-        return self.stepper.model if self._search is None else self._search.model
-
-    @property
-    def recovery(self) -> Recovery:
-        """The displacements, which are known."""
-        assert self._found is not None
-        return self._found
 
     def find(self) -> Verdict:
         """Find the answer, in parts of the step where it does not come at once."""
         model, options = self.stepper.model, self.stepper.options
         if model.interface.wear:
             raise InputError(WEAR)
-        self.advance = Advance(nothing(model.interface))
+        self.advance = Advance(np.zeros((2, len(model.interface.names))))
+        self.last = EquilibriumSearch(self.stepper, self.step, self.start)
         self.placed = Placed.of_start(model.system, model.stiffness, self.start)
         parts = Bisection(options.max_cuts, SHORTER**options.max_cuts)
         part = self.step
@@ -208,7 +192,7 @@ class NonlinearSearch:
             self.newton.append(record)
             logger.debug("%s", record)
             nearer, reached = share == 1.0 and norm < reached, norm
-            at, left, most, self._last = there, norm, max(most, norm), there
+            at, left, most, self._reached = there, norm, max(most, norm), there
             own = self._pairing(step, there.u)
             attempt = self._judged(step, attempt, own, FAR if number == 1 else 1.0)
             self.advance.attempt = attempt
@@ -282,10 +266,10 @@ class NonlinearSearch:
             try:
                 # a little way back what yielded is elastic again; just here, round-off would decide
                 ratio = min(ratio, LONGER) if ratio > 0 else -GIVEN
-                return begin.moved(system, begin.u + ratio * begin.trend)
+                return begin.moved(system, begin.u + ratio * begin.trend, part.target.fluid)
             except MaterialError:
                 pass
-        return begin.moved(system, begin.u)
+        return begin.moved(system, begin.u, part.target.fluid)
 
     def _solve(self, step: LoadStep, at: Placed, exact: bool) -> Solved:
         """The linear problem near an iterate: contact exactly, or with a few iterations."""
@@ -298,39 +282,30 @@ class NonlinearSearch:
         # where linear problems are iterated, the first of a few are rough
         turns = model.kin.tangents > 1 and bool(model.interface.laws)
         if not (exact or turns or model.motions.k or model.route in ROUGH):
-            few = replace(by.options, max_iterations=CONTACT_ITERATIONS)
+            few = replace(by, options=replace(by.options, max_iterations=CONTACT_ITERATIONS))
+            problem = model.problem_on(*(step.pairing or (None, None)))
             try:
-                attempt = self._attempted(replace(by, options=few), step)
+                attempt = few.attempt(step, problem, "cold" if step.known is None else "warm")
+                if np.isfinite(attempt.outcome.iterate.residual):
+                    attempt, u = refined(attempt, Recovery.of(attempt)(), at)
+                    if usable(attempt, u):
+                        return Solved(attempt, u)
             except UNSOLVED:
-                attempt = None
-            if attempt is not None and np.isfinite(attempt.outcome.iterate.residual):
-                attempt, u = refined(attempt, Recovery.of(attempt)(), at)
-                if usable(attempt, u):
-                    return self._of(attempt, u)
+                pass  # exactly, then
         search = EquilibriumSearch(by, step, self.start)
         try:
             verdict = search.find()
         except UNSOLVED as error:
             self._why = str(error)
-            return Solved(None, at.u, at.u, Verdict(advice=SINGULAR, reached=False))
+            return Solved(None, at.u, Verdict(advice=SINGULAR, reached=False))
         if not verdict.arrived:
-            attempt = search.advance.attempt if verdict.reached else None
-            return Solved(attempt, at.u, at.u, verdict)
-        self._search, attempt, u = search, search.advance.attempt, search.recovery()
+            return Solved(search.advance.attempt if verdict.reached else None, at.u, verdict)
+        self.last, attempt, u = search, search.advance.attempt, search.recovery()
         if attempt.model is model:  # and no springs hold it
             attempt, u = refined(attempt, u, at)
         if not usable(attempt, u):
-            return Solved(None, at.u, at.u, Verdict(advice=SINGULAR, reached=False))
-        return self._of(attempt, u)
-
-    @staticmethod
-    def _attempted(by: Stepper, step: LoadStep) -> Attempt:
-        problem = by.model.problem_on(*(step.pairing or (None, None)))
-        return by.attempt(step, problem, "cold" if step.known is None else "warm")
-
-    @staticmethod
-    def _of(attempt: Attempt, u: Array) -> Solved:
-        return Solved(attempt, u, point_forces(attempt.problem.kin, attempt.local))
+            return Solved(None, at.u, Verdict(advice=SINGULAR, reached=False))
+        return Solved(attempt, u)
 
     def _stepped(
         self, part: LoadStep, begin: Placed, last: tuple[Placed, Array | None, float], solved: Solved
@@ -347,7 +322,7 @@ class NonlinearSearch:
         for _ in range(HALVINGS):
             u = solved.u if share == 1.0 else at.u + share * (solved.u - at.u)
             try:
-                there = begin.moved(system, u)
+                there = begin.moved(system, u, part.target.fluid)
             except MaterialError as error:
                 self._why = str(error)
             else:
@@ -379,7 +354,7 @@ class NonlinearSearch:
         """Take a part of the step as it was found; from here on the bodies remember it."""
         light = self.stepper.model.with_tangents(there.stiffness)  # condensed only if asked for
         found = Recovery.of(attempt)
-        self._found = replace(found, model=light, components=None, u=there.u)
+        self.recovery = replace(found, model=light, components=None, u=there.u)
         self.advance.attempt = replace(attempt, case=part.target)
         self.remarks = remarks(attempt, there)
         trend = sealed((there.u - self.placed.u) / part.share)
@@ -390,8 +365,8 @@ class NonlinearSearch:
         attempt = vars(self.advance).get("attempt")
         reached = attempt is not None
         if attempt is not None:
-            self.placed = self._last or self.placed
-            self._found = replace(Recovery.of(attempt), u=self.placed.u)
+            self.placed = self._reached or self.placed
+            self.recovery = replace(Recovery.of(attempt), u=self.placed.u)
             self.advance.attempt = replace(attempt, failure=self._why, case=self.step.target)
         share = parts.done
         carries = f"The bodies bear up to {share:.4g} of this step" + _load(self.step, share) + ". "

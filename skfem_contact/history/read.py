@@ -1,15 +1,21 @@
-"""Load steps of the user, read as a `LoadCase` over all bodies and contact points."""
+"""Load steps of the user, read as a `LoadCase` over all bodies and contact points.
+
+What a history has come to so far is kept without loads that its steps tell, and put together again by
+reading them (`PartialResults`).
+"""
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import number, numbers, shown, suggest
-from skfem_contact.arrays import check_finite, check_size, same
+from skfem_contact.arrays import Array, check_finite, check_size, same
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.carried import copied
@@ -18,10 +24,9 @@ from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import point_slices
 from skfem_contact.conditions.loads import BoltLoads, LoadCase, Motion
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.motion import read_motion
+from skfem_contact.obstacles.obstacle import read_motion
 from skfem_contact.obstacles.rigid_body import RigidBody
 
-Array = NDArray[np.float64]
 KEYS = ("f", "x", "interference", "motion", "bolt")
 
 
@@ -35,10 +40,12 @@ class StepReader:
         names: tuple[str, ...],
         geometry: Geometry,
         own_f: Array,
+        own_fluid: Mapping[int, Array],
         bolts: tuple[str, ...] = (),
     ) -> None:
         self.system, self.contacts, self.names, self.bolts = system, contacts, names, bolts
         self.kin, self._own, self.own_f = geometry.kin, geometry.interference, own_f
+        self.own_fluid = own_fluid
         self._spans = slices(system.offsets)  # DOFs of each body
         self.point_slices = point_slices(contacts)
         d = self.kin.points.shape[1]
@@ -48,11 +55,12 @@ class StepReader:
         """The bodies' own loads and the contacts' own interference."""
         own = self._placed(np.concatenate(self._own), self._still)
         ours = (True,) * len(self.contacts)
-        return copied(own, f=self.own_f, x=self.system.x, own=ours, scale=(1.0, 1.0), factor=1.0)
+        loads = {"f": self.own_f, "x": self.system.x, "fluid": self.own_fluid}
+        return copied(own, **loads, own=ours, scale=(1.0, 1.0), factor=1.0)
 
     def unloaded(self) -> LoadCase:
         """No load, no prescribed displacement, no interference: where a history begins."""
-        return self._placed(np.zeros(self.kin.m), self._still)
+        return self._placed(np.zeros(self.kin.gap0.shape), self._still)
 
     def resumed(self, start: LoadCase, found: Array) -> LoadCase:
         """The loads of a state to go on from: a multiple of own loads is one of those here.
@@ -79,6 +87,7 @@ class StepReader:
             own=tuple(own),
             scale=start.scale,
             factor=start.factor,
+            fluid=start.fluid if f is None else self._times(f),
         )
 
     def other_interference(self, start: LoadCase) -> str:
@@ -100,7 +109,7 @@ class StepReader:
     def _placed(self, interference: Array, motion: tuple[Motion, ...]) -> LoadCase:
         """Gaps and slips with interferences (m,) and obstacles that have moved; no loads."""
         kin = self.kin
-        gap0, slip0 = np.array(kin.gap0), np.zeros((kin.m, kin.tangents))
+        gap0, slip0 = np.array(kin.gap0), np.zeros((len(kin.gap0), kin.tangents))
         gap0 += kin.of_rows(np.concatenate(self._own) - interference)
         for part, moved in zip(self.point_slices, motion, strict=True):
             if moved is not self._still[0]:
@@ -127,6 +136,7 @@ class StepReader:
                 scale=(before.scale[0] if f is None else None, before.scale[1] if x is None else None),
                 factor=None,
                 bolts=self._tightened(step.get("bolt")),
+                fluid=self._fluid(f, before.fluid),
             )
         try:
             factor = number(step, "a load step", "")
@@ -144,7 +154,28 @@ class StepReader:
                 "an interference is not scaled by a number, write {'interference': {...}}."
             )
         f, x = factor * self.own_f, factor * self.system.x
-        return copied(before, f=f, x=x, scale=(factor, factor), factor=factor, bolts=None)
+        fluid = self._times(factor)
+        return copied(before, f=f, x=x, scale=(factor, factor), factor=factor, bolts=None, fluid=fluid)
+
+    def _times(self, factor: float) -> dict[int, Array]:
+        """A multiple of the bodies' own pressures."""
+        return {i: factor * own for i, own in self.own_fluid.items()}
+
+    def _fluid(self, given: Any, before: Mapping[int, Array]) -> Mapping[int, Array]:
+        """The pressures of fluids after a step that names loads, which have been read."""
+        if given is None or not isinstance(given, Mapping):
+            return before if given is None else {}
+        fluid = dict(before)
+        for name, value in given.items():
+            i = self.system.index(name)
+            fluid.pop(i, None)
+            if isinstance(value, Mapping):
+                pressures = self.system.bodies[i].fluid(value)
+            else:  # a factor on the body's own, or a vector
+                pressures = self._times(value).get(i) if np.ndim(value) == 0 else None
+            if pressures is not None:
+                fluid[i] = pressures
+        return fluid
 
     def vector(self, what: str, given: Any, before: Array, own: Array) -> Array:
         """A stacked vector from a dict by body name, a stacked vector, or None."""
@@ -300,3 +331,40 @@ def _check_size(array: Array, size: int, what: str) -> None:
         "load is not stacked in the order of the bodies."
     )
     check_size(array, size, what, why)
+
+
+class PartialResults:
+    """Results of one history, in their order; without the loads that a number stands for."""
+
+    def __init__(self) -> None:
+        self._light: list[tuple[Answer, StepReader]] = []
+        self._alive: list[weakref.ref[ContactResult]] = []
+
+    def add(self, answer: Answer, result: ContactResult, reader: StepReader) -> None:
+        """Keep an answer and its result; `reader` knows the loads that a number stands for."""
+        # a number stands for the loads, but not for those of bolts
+        named = answer.factor is None or bool(answer.bolt_names)
+        none = answer.case.f[:0]
+        light = copied(answer) if named else _with_loads(answer, none, none)
+        self._light.append((light, reader))
+        self._alive.append(weakref.ref(result))
+
+    def all(self) -> tuple[ContactResult, ...]:
+        """The results themselves where they are still held by somebody, and equal ones elsewhere."""
+        found = []
+        for (light, reader), alive in zip(self._light, self._alive, strict=True):
+            result = alive()
+            if result is None:
+                if light.factor is not None and not light.bolt_names:
+                    loads = reader.read(light.factor, light.case)
+                    light = _with_loads(light, loads.f, loads.x)
+                result = ContactResult(light)
+            found.append(result)
+        return tuple(found)
+
+
+def _with_loads(answer: Answer, f: Array, x: Array) -> Answer:
+    """The same answer with other vectors of loads, and without what it remembers."""
+    case = copied(answer.case, f=f, x=x)
+    seen = case if answer.seen is answer.case else copied(answer.seen, f=f, x=x)
+    return copied(answer, case=case, seen=seen, recover=copied(answer.recover, case=case))

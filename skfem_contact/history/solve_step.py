@@ -16,18 +16,18 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skfem_contact.answers.answer import Answer, answer_of
-from skfem_contact.answers.newton import Newton
-from skfem_contact.answers.placed import Placed
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.placed import Newton, Placed
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.validity.validity import Issued
 from skfem_contact.answers.validity.watch import Watch
 from skfem_contact.arguments import check_kind
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.checks import check_loads
+from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError, LinearSolveError, SingularMatrix, warn
@@ -52,8 +52,6 @@ if TYPE_CHECKING:
     from skfem_contact.history.equilibrium import Known
     from skfem_contact.history.nonlinear import NonlinearSearch
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class StepSolver(ByFields):
@@ -77,7 +75,7 @@ class StepSolver(ByFields):
         with Workspace() as workspace:
             return solver._solved(target, start, guess, callback, throw, workspace)
 
-    def _loosened(self, given: NDArray[np.bool_]) -> StepSolver:
+    def _loosened(self, given: Mask) -> StepSolver:
         """The solver of steps that give forces to some bolts: their sections slide."""
         model, key = self.stepper.model, b"bolts" + given.tobytes()
         other = model.with_other(key, lambda: self.bolts.loosened(given, model.stiffness))
@@ -127,23 +125,12 @@ class StepSolver(ByFields):
         if not verdict.reached:
             raise verdict.error(self.stepper.loop, None)
         result = self._answer(found, verdict, time.perf_counter() - begin)
-        if verdict.arrived:
-            diagnostics = self.watch.look(
-                result.state,
-                result.gap,
-                result.worn_case,
-                issued,
-                result.recover.at_contact,
-                lambda: result.u,
-            )
-            leaning = second_order(found.advance.attempt) if found.settled is None else {}
-            if leaning:
-                diagnostics = replace(diagnostics, leaning=leaning)
-            result.diagnose(diagnostics)
-            result.diagnose(self.watch.warn(result))
-            _warn(result)
-            _remark(result, getattr(found, "remarks", {}))
-        if verdict.arrived or not throw:
+        arrived = verdict.arrived
+        if arrived:
+            leaning = second_order(found.advance.attempt) if found.last.settled is None else {}
+            self.watch.look(result, issued, leaning)
+            _tell(result, getattr(found, "remarks", {}))
+        if arrived or not throw:
             return result
         raise verdict.error(self.stepper.loop, ContactResult(result))
 
@@ -180,11 +167,15 @@ class StepSolver(ByFields):
         """The state of a result or a file; one of other bodies and contacts is refused."""
         if given is None:
             return None
-        from skfem_contact.history.checkpoint import SavedState
+        start: Answer | SavedState
+        if isinstance(given, ContactResult):
+            start = given._answer
+        else:
+            from skfem_contact.history.checkpoint import SavedState
 
-        usage = "give what solve(...) returned, or load_state(...)"
-        check_kind(given, (ContactResult, SavedState), what, usage)
-        start = given if isinstance(given, SavedState) else answer_of(given)
+            usage = "give what solve(...) returned, or load_state(...)"
+            check_kind(given, (ContactResult, SavedState), what, usage)
+            start = given
         if not self._own(start):
             self.stepper.model.geometry.identity.refuse(start.identity, what)
         if what == "start" and not start.converged:
@@ -225,8 +216,9 @@ class StepSolver(ByFields):
         start = found.start
         if start is not None:
             before = start.dissipation_before + start.dissipation_by_contact
-        message, newton = attempt.reason, Newton(getattr(found, "newton", ()))
-        if attempt.good:  # with all rounds, attempts and substeps that came before the last one
+        newton, good = Newton(getattr(found, "newton", ())), attempt.good
+        message = "" if good else attempt.reason
+        if good:  # with all rounds, attempts and substeps that came before the last one
             message = converged_words(len(way.trace)) + attempt.outcome.note
             message += f" of contact, {len(newton)} of the bodies" if newton else ""
         elif verdict.free is not None:
@@ -242,18 +234,18 @@ class StepSolver(ByFields):
             action=attempt.action,
             plastic_slip=attempt.plastic_slip,
             mismatch=attempt.mismatch,
-            converged=attempt.good,
+            converged=good,
             message=message + way.words,
             trace=tuple(way.trace),
             timings={**model.timings, "loop": seconds},
-            dissipation_by_contact=way.energy.lost,
-            residual_by_contact=way.energy.residual,
+            dissipation_by_contact=way.energy[0],
+            residual_by_contact=way.energy[1],
             dissipation_before=before,
             recover=recovery,
             conditions=attempt.outcome.iterate.conditions,
             factor=found.step.target.factor,
             linear=model.choice.said,
-            indifferent=self._places(found),
+            indifferent=_places(found.last, self.stepper.model.interface),
             before=attempt.start,
             parts=way.substeps,
             springs=attempt.problem.springs is not None,
@@ -262,38 +254,37 @@ class StepSolver(ByFields):
             newton=newton,
         )
 
-    def _places(self, found: EquilibriumSearch | NonlinearSearch) -> tuple[str, ...]:
-        """Return what is to be said of bodies that may stand elsewhere."""
-        model, rest, grip = found.model, found.settled, found.grip
-        if rest is not None and rest.free.shape[1]:
-            return model.motions.indifferent(rest.free, rest.why)
-        if rest is not None:  # found on weak springs, and held by what carries
-            grip = Grip.of(model, rest.advance.attempt)
-        return () if grip is None else grip.adrift(model.interface)
+
+def _places(found: EquilibriumSearch, interface: Interface) -> tuple[str, ...]:
+    """Return what is to be said of bodies that may stand elsewhere."""
+    rest, grip = found.settled, found.grip
+    if rest is not None and rest.free.shape[1]:
+        return found.model.motions.indifferent(rest.free, rest.why)
+    if rest is not None:  # found on weak springs, and held by what carries
+        grip = Grip.of(found.model, rest.advance.attempt)
+    return () if grip is None else grip.adrift(interface)
 
 
-def _warn(result: Answer) -> None:
-    """Warn of places that are indifferent and have not been said to be so in this history."""
-    known = result.diagnostics
-    new = [words for words in result.indifferent if ("place", words) not in known.issued]
-    if not new or not np.any(result.u):
-        return
-    warn(
-        " ".join(new) + " Prescribe a DOF (D=...) if the place matters, or the load should hold it. "
-        "(Said once in a history; result.indifferent has it in every step.)"
-    )
-    issued = known.issued | {("place", words) for words in new}
-    result.diagnose(replace(known, issued=issued))
+def _tell(result: Answer, remarks: dict[str, str]) -> None:
+    """Say what has not been said in this history: of places that are indifferent, and of bodies.
 
-
-def _remark(result: Answer, remarks: dict[str, str]) -> None:
-    """Say what is to be said of bodies that are not linear, once in a history."""
-    known = result.diagnostics
+    `remarks` are sentences on bodies that are not linear, by what they are about.
+    """
+    issued = known = result.diagnostics.issued
+    new = [words for words in result.indifferent if ("place", words) not in known]
+    if new and np.any(result.u):
+        warn(
+            " ".join(new)
+            + " Prescribe a DOF (D=...) if the place matters, or the load should hold it. "
+            "(Said once in a history; result.indifferent has it in every step.)"
+        )
+        issued |= {("place", words) for words in new}
     for about, words in remarks.items():
-        if ("remark", about) not in known.issued:
+        if ("remark", about) not in known:
             warn(words + " (Said once in a history.)")
-    issued = known.issued | {("remark", about) for about in remarks}
-    result.diagnose(replace(known, issued=issued))
+            issued |= {("remark", about)}
+    if issued is not known:
+        result.diagnostics = replace(result.diagnostics, issued=issued)
 
 
 def _issued(start: Known) -> Issued:

@@ -9,12 +9,13 @@ import logging
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.result import ContactResult
@@ -27,6 +28,7 @@ from skfem_contact.arguments import (
     shown,
     with_known_keywords,
 )
+from skfem_contact.arrays import Array
 from skfem_contact.assemblies.bolt import Bolt, Bolts, bolted
 from skfem_contact.assemblies.joints import LoadCases
 from skfem_contact.bodies.inputs import Loads
@@ -44,7 +46,7 @@ from skfem_contact.conditions.motions import rigid_motions
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, LinearSolveError
 from skfem_contact.history.load_step import recover_all
-from skfem_contact.history.read import KEYS, StepReader
+from skfem_contact.history.read import KEYS, PartialResults, StepReader
 from skfem_contact.history.solve_step import StepSolver
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.linalg.multifrontal.fronts import FactorSize
@@ -64,7 +66,6 @@ if TYPE_CHECKING:
     from skfem_contact.history.gradients import Gradient, Jacobian
     from skfem_contact.problem.model import AnyBodies
 
-Array = NDArray[np.float64]
 S = TypeVar("S", bound="ProblemSetup")
 
 
@@ -109,6 +110,8 @@ class ProblemSetup(NamesAttributes):
         check_passes(self.contacts, self.names)
         warn_unfelt_wear(self.contacts, self.names)
         self._stiffness, self._own_f = self.system.linearize()
+        own = enumerate(self.system.bodies)
+        self._own_fluid = {i: body.pressures for i, body in own if body.pressures is not None}
         for surface in (s for c in self.contacts for s in (c.secondary, c.primary)):
             # refuses what is no body of this solver
             if isinstance(surface, ContactSurface | RigidBody):
@@ -145,8 +148,8 @@ class ProblemSetup(NamesAttributes):
         return {**vars(self), "linear": carried(self.linear, "linear")}
 
     def _new_reader(self) -> StepReader:
-        mine = self.system, self.contacts, self.names, self.geometry, self._own_f
-        return StepReader(*mine, self._bolt_names)
+        mine = self.system, self.contacts, self.names, self.geometry
+        return StepReader(*mine, self._own_f, self._own_fluid, self._bolt_names)
 
     def _new_step_solver(self) -> StepSolver:
         stepper = Stepper(self.linear_model, self.loop, self.options)
@@ -298,6 +301,8 @@ class Variants(ProblemSetup):
         own_f[self.system.slice(own)] = own.load(f, f"f of body {name!r}") / self.system.scale(own)
         twin = self._copied()
         twin._own_f = sealed(own_f)
+        fluid = {i: own.fluid(f)}
+        twin._own_fluid = {k: p for k, p in (self._own_fluid | fluid).items() if p is not None}
         twin._reader = twin._new_reader()
         twin._answering = twin._new_step_solver()
         return twin
@@ -598,12 +603,16 @@ class ContactSolver(Variants):
             raise InputError(
                 f"steps is {shown(steps)}, not a list of load steps; for a single one write [step]"
             )
-        from skfem_contact.history.checkpoint import PartialResults
-        from skfem_contact.history.dry_run import Progress, Silent, count, line, reached
-
-        yielded, total = PartialResults(), count(steps)
+        # of a generator it is not known, nor of what is refused where it is read
+        yielded, total = PartialResults(), None
+        with suppress(TypeError):
+            total = len(steps)  # type: ignore[arg-type]
         self._expect(math.inf if total is None else total)
-        shown_as = Progress(steps, self.linear_model.prepare) if progress else Silent()
+        shown_as = None
+        if progress:
+            from skfem_contact.history.dry_run import Progress
+
+            shown_as = Progress(total, self.linear_model.prepare)
         try:
             for i, step in enumerate(steps, start=1):
                 logger.debug("step %d begins", i)
@@ -611,18 +620,24 @@ class ContactSolver(Variants):
                 before = self._answered(target, before, known, None, True)
                 known = None
                 if logger.isEnabledFor(logging.INFO):
+                    from skfem_contact.history.dry_run import line
+
                     logger.info("%s", line(i, total, before))
                 result = ContactResult(before)
-                yielded.add(result, self._reader)
-                shown_as.shows(before)
+                yielded.add(before, result, self._reader)
+                if shown_as is not None:
+                    shown_as.shows(before)
                 yield result
         except (Exception, KeyboardInterrupt) as error:
             error.results = yielded.all()  # type: ignore[union-attr]
             if isinstance(error, KeyboardInterrupt) and hasattr(error, "add_note"):
+                from skfem_contact.history.dry_run import reached
+
                 error.add_note(reached(len(error.results), total))  # type: ignore[attr-defined]
             raise
         finally:
-            shown_as.close()
+            if shown_as is not None:
+                shown_as.close()
 
     @known_keywords(**OF_SOLVER)
     def cases(
@@ -813,7 +828,8 @@ class ContactSolver(Variants):
         >>> f"{found.value:.6f}, {found.parts[0]:.6f}"
         '0.000100, -0.020000'
         """
-        from skfem_contact.history.gradients import gradient, parameters
+        from skfem_contact.answers.tangent.changes import parameters
+        from skfem_contact.history.gradients import gradient
 
         known = parameters(by, many=True)
         return gradient(list(self.history(steps, start=start)), objective, known)
@@ -853,7 +869,8 @@ class ContactSolver(Variants):
         InputError
             There is no derivative; the message says why.
         """
-        from skfem_contact.history.gradients import jacobian, parameters
+        from skfem_contact.answers.tangent.changes import parameters
+        from skfem_contact.history.gradients import jacobian
 
         known = parameters(by, many=False)
         return jacobian(list(self.history(steps, start=start)), observe, known, side)

@@ -6,18 +6,18 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
+from skfem_contact.arrays import Mask
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import Tresca
-from skfem_contact.conditions.friction_rule import FrictionRule
+from skfem_contact.conditions.friction_rule import FrictionRule, jumps_open
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, LocalState, State
 from skfem_contact.conditions.statics import balanced
 from skfem_contact.errors import ConstraintError
 from skfem_contact.history.grip import pins
-from skfem_contact.history.load_step import Attempt, LoadStep, posed, rough_at_rest
+from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.thresholds import NAMED, NOISE
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.complementarity import friction_of_prescribed_slip
@@ -25,7 +25,6 @@ from skfem_contact.loops.driver import LOOPS, Options, Outcome, drive
 from skfem_contact.loops.multipliers import Collision
 from skfem_contact.loops.starts import (
     DENSE,
-    admissible,
     possible_starts,
     starting_values,
 )
@@ -58,7 +57,7 @@ class Stepper(ByFields):
     model: LinearModel
     loop: str
     options: Options
-    barred: NDArray[np.bool_] | None = None
+    barred: Mask | None = None
 
     @cached_property
     def held(self) -> Stepper:
@@ -88,7 +87,11 @@ class Stepper(ByFields):
         """Return whether friction jumps where points open, and can be made to rise steeply instead."""
         interface, kin = self.model.interface, self.model.kin
         by_bound = all(law.by_bound for _, law in interface.laws)
-        return by_bound and kin.tangents > 1 and rough_at_rest(interface, kin.area, kin.tangents)
+        return (
+            by_bound
+            and kin.tangents > 1
+            and jumps_open(interface.laws, kin.area, kin.tangents, ~interface.bilateral)
+        )
 
     @property
     def complete(self) -> bool:
@@ -118,7 +121,7 @@ class Stepper(ByFields):
         noise = NOISE * max(target.largest_force, softest * moved)
         with single_threaded():
             seen = geometry.case(kin, problem.u, target, last, to.before)
-            counted = posed(seen, to.origin, problem, self.model)
+            counted = seen if to.origin is None else to.origin.seen(seen, kin, self.model)
             load = problem.load(counted)
             step = self._step(problem, load, last, noise, moved)
             dense = step
@@ -137,8 +140,7 @@ class Stepper(ByFields):
                     dense,
                     lambda: points.load(geometry.case(kin, problem.u, to.before, last, to.before)),
                 )
-                guess = admissible(found.guess, step)
-                given = step, guess, options.tolerance, limit, to.callback, loop.patience
+                given = step, found.guess, options.tolerance, limit, to.callback, loop.patience
                 outcome = found.ended(drive(loop.iterates, *given), dense is step or start not in DENSE)
             except Collision as collision:
                 raise self._contradiction(collision, problem, seen) from None
@@ -153,7 +155,7 @@ class Stepper(ByFields):
         self, collision: Collision, problem: ContactProblem, seen: LoadCase
     ) -> ConstraintError:
         """The error for points that can not all be closed, or glued, whatever carries them."""
-        from skfem_contact.elimination.transformation import eliminate
+        from skfem_contact.elimination.constraint import eliminate
 
         kin, labels = problem.kin, np.array(self.model.labels, dtype=object)
         glued = collision.slips.ravel()

@@ -28,20 +28,18 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
-from skfem_contact.arrays import lengths
+from skfem_contact.arrays import Array, Mask, lengths
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, STICK, LocalState
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.errors import SingularMatrix
-from skfem_contact.history.load_step import Advance, Attempt, LoadStep, nothing
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep
 from skfem_contact.history.stepper import RAN_AWAY, Stepper
 from skfem_contact.history.thresholds import (
     AIM,
-    ANSWERED,
     ANSWERED_BY_SECANTS,
     EDGE,
     FAR,
@@ -56,9 +54,6 @@ from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.starts import REGULARISED
 from skfem_contact.loops.step import Record
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-
 
 logger = logging.getLogger("skfem_contact")
 
@@ -125,7 +120,7 @@ def advance(
     attempt, by default all that there are.
     """
     interface = by.model.interface
-    so_far = Advance(nothing(interface))
+    so_far = Advance(np.zeros((2, len(interface.names))))
     parts = Bisection(by.options.max_cuts, SHORTER**by.options.max_cuts)
     part = step  # that is attempted: from where the parts before it have come to
     starts = begin or by.starts_from(step.known)
@@ -137,22 +132,19 @@ def advance(
         attempt = _first_held(by, part, starts)
         if attempt is None:
             return so_far
-        so_far.trace.extend(attempt.outcome.trace)
-        if freed is not None and not attempt.good:
-            attempt = replace(freed, carried=attempt.carried)
-        so_far.came_to(attempt, parts.done, aim)
-        limit = attempt.at_limit and not attempt.good  # the rest of the starts has nothing to find
+        good = so_far.came_to(attempt, parts.done, aim)
+        if good and aim >= 1.0:
+            return so_far
+        if freed is not None and not good:  # the machine tells only what is carried
+            so_far.attempt = attempt = replace(freed, carried=attempt.carried)
+        limit = not good and attempt.at_limit  # the rest of the starts has nothing to find
         last = len(starts) == 1 or limit or attempt.failure == RAN_AWAY  # wherever it begins
-        lost = not attempt.good and not attempt.stopped and last
-        # what pivoting has left free is doubted as it was: the machine tells only what is carried
+        lost = not good and not attempt.stopped and last
+        # what pivoting has left free is doubted as it was
         doubted = attempt if freed is None else freed
         if lost and doubt is not None and parts.share == 1.0 and doubt(doubted, False):
             return so_far
-        if attempt.good:
-            if interface.laws:
-                so_far.energy += attempt.energy
-            if aim >= 1.0:
-                return so_far
+        if good:
             part = replace(part, state=attempt.state, before=part.target, known=attempt.state)
             starts = by.starts_from(attempt.state)
             so_far.substeps += 1
@@ -242,7 +234,7 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
         left, size = float(np.linalg.norm(change)), float(np.linalg.norm(grown))
         relief = Relief.of(interface, attempt)
         if relief is not None:
-            share = max(share, relief.share / ANSWERED) if number < 2 else share
+            share = max(share, relief.share) if number < 2 else share
         elif number == 1:
             share = left / before / ANSWERED_BY_SECANTS if before > 0 else 0.0
         if share > 1.0:
@@ -273,7 +265,7 @@ class Relief:
         Force per depth [force/length].
     """
 
-    points: NDArray[np.bool_]
+    points: Mask
     c: Array
     S: Array
 
@@ -422,7 +414,7 @@ def travelled(by: Stepper, attempt: Attempt, limit: float) -> Attempt:
     return replace(attempt, travel=travel)
 
 
-def without_points(kin: Kinematics, lost: NDArray[np.bool_]) -> Kinematics:
+def without_points(kin: Kinematics, lost: Mask) -> Kinematics:
     """The pairing with some points open for good."""
     if not lost.any():
         return kin

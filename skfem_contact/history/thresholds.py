@@ -44,9 +44,9 @@ EDGE = 5
 
 # -- stepping ----------------------------------------------------
 
-# The share of the depth worn off in a step that the bodies may answer by another pressure. Beyond one
-# a point would wear until it is open, where it has only got lighter. Secants need far less.
-ANSWERED, ANSWERED_BY_SECANTS = 1.0, 0.3
+# The share of the depth worn off in a step that the bodies may answer by another pressure is at most
+# one: beyond it a point would wear until it is open, where it has only got lighter. Secants need less.
+ANSWERED_BY_SECANTS = 0.3
 # What a step is shortened by where pressures have become zero: how far it is too long is not known.
 FAR_TOO_LONG = 4.0
 

@@ -15,8 +15,6 @@ last one for Python 3.10, gives answers that are not the least ones, without a w
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, lapack
@@ -185,10 +183,10 @@ def factorised(A: Array, symmetric: bool) -> DenseFactors:
     raise SingularMatrix("the matrix of the contact problem is singular")
 
 
-def blocks(count: int) -> Iterator[slice]:
+def blocks(count: int) -> list[slice]:
     """Rows that are worked on at once; a matrix that is not large is one block."""
-    for begin in range(0, count, thresholds.ROWS_AT_ONCE):
-        yield slice(begin, min(begin + thresholds.ROWS_AT_ONCE, count))
+    some = thresholds.ROWS_AT_ONCE
+    return [slice(begin, min(begin + some, count)) for begin in range(0, count, some)]
 
 
 def symmetrise(A: Array) -> None:

@@ -71,7 +71,7 @@ class Direct(Backend):
             )
 
     def condensed(self, body: Member, K: Any, free: np.ndarray, keep: np.ndarray) -> BodyFactor:
-        """By the multifrontal method, whatever `method` is."""
+        """Condense by the multifrontal method, whatever `method` is."""
         points = body.dof_points[free]
         pattern = _pattern(body, K, points, keep, free) if body.nonlinear else None
         return MultifrontalCholesky(K, points, keep, free=free, pattern=pattern)

@@ -39,40 +39,49 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skfem_contact.arrays import lengths
+from skfem_contact.arrays import Array, Index, Mask, lengths
 from skfem_contact.conditions.friction_rule import grows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import DECIMALS, GIVEN
 from skfem_contact.linalg.krylov import Anderson
-from skfem_contact.loops.complementarity import Projection
-from skfem_contact.loops.multipliers import through_springs
+from skfem_contact.loops.complementarity import LineSearch, Projection, largest_force
+from skfem_contact.loops.multipliers import Iteration, through_springs
 from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.thresholds import (
     BETWEEN,
-    DECREASE,
     FIRMLY,
     FREE_CHANGES,
-    HALVINGS,
     ROUNDED,
 )
-from skfem_contact.problem.response import Conditions, Response, odd_round_off
+from skfem_contact.problem.response import Conditions, odd_round_off
 from skfem_contact.records import dataclass
-
-Mask = NDArray[np.bool_]
-Array = NDArray[np.float64]
 
 
 def newton(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
     """Semismooth Newton with the consistent derivative of the return map."""
-    return through_springs(partial(_active_set, coupled=True), step, guess, tolerance)
+    return _until_rested(partial(_active_set, coupled=True), step, guess, tolerance)
 
 
 def direct(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
     """[M] fig. 4b: slipping points carry the friction force of the last iterate."""
-    return through_springs(partial(_active_set, coupled=False), step, guess, tolerance)
+    return _until_rested(partial(_active_set, coupled=False), step, guess, tolerance)
+
+
+def _until_rested(loop: Iteration, step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
+    """A loop; once more, again and again, where points are seen through springs that have a strain.
+
+    Some problems find out on the way that rows depend on each other.
+    """
+    known: list[Iterate] = []
+    if not guess.near or step.problem.springs is None:
+        for iterate in loop(step, guess, tolerance):
+            if iterate.converged and step.problem.springs is not None:
+                known = [iterate]
+                break
+            yield iterate
+    yield from through_springs(loop, step, guess, tolerance, known)
 
 
 def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> Iterator[Iterate]:
@@ -101,7 +110,7 @@ def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> It
             residual,
             converged=not (np.count_nonzero(changing) or kept or response.rough)
             and (residual <= tolerance or search.settled),
-            note=search.note(),
+            note=search.note,
             held=held.motion if held is not None and kept else None,
             # a zone that travels is as far from its end with one tangent as it has points to go
             nearer=search.nearer and not step.turns,
@@ -120,59 +129,6 @@ def _falls(step: Step, current: Guess) -> bool:
         return False
     by = step.friction.slipping(current.direction, BEYOND, current.normal_force, current.slip)[2]
     return bool(np.any(slips & np.any(by.slip != 0, axis=(1, 2)) & ~grows(by)))
-
-
-@dataclass
-class LineSearch:
-    """Armijo's rule on what the projection leaves over: a step is halved until less is left.
-
-    Between two states lie those whose gaps, slips and forces are the same mean of theirs: bodies are
-    linear, so that they are in equilibrium too. Before the first state none is known, and the step to
-    it is whole. `whole`: all are. Limits that lag lead to another fixed point in every iteration, and
-    not straight down to that of the step.
-    """
-
-    whole: bool
-    settled: bool = False
-    nearer: bool = False
-    at: Response | None = None
-    left: float = np.inf
-    share: float = 1.0
-
-    def note(self) -> str:
-        return "" if self.share == 1.0 else f"{self.share:.2g} of a step"
-
-    def advance(self, current: Guess, new: Projection, wrong: Mask) -> Guess:
-        """The set for the next iterate, by the state at the best share of the way to the new one."""
-        # one more iteration tells round-off from what is left of a step
-        self.settled = not wrong.any() and (new.left >= self.left or not self.whole)
-        there, self.share, tries = new, 1.0, 0
-        while not (falls := there.left <= (1.0 - DECREASE * self.share) * self.left):
-            if self.at is None or self.whole or tries == HALVINGS:
-                break
-            self.share, tries = 0.5 * self.share, tries + 1
-            there = Projection(new.step, state_between(self.at, new.response, self.share))
-        self.nearer = falls and there.left > 0.0
-        self.at, self.left = there.response, there.left
-        return there.proposal(current)
-
-
-def state_between(a: Response, b: Response, share: float) -> Response:
-    """The state at a share of the way from `a` to `b`; points without partner have no gap in either."""
-    finite = np.isfinite(b.gap)
-    gap = np.where(finite, 0.0, b.gap)
-    gap[finite] = _mean(a.gap[finite], b.gap[finite], share)
-    return Response(
-        gap,
-        _mean(a.slip, b.slip, share),
-        _mean(a.normal_force, b.normal_force, share),
-        _mean(a.tangential_force, b.tangential_force, share),
-        _mean(a.solution, b.solution, share),
-    )
-
-
-def _mean(a: Array, b: Array, share: float) -> Array:
-    return a + share * (b - a)
 
 
 def linear_conditions(step: Step, current: Guess, coupled: bool, rough: bool = False) -> Conditions:
@@ -266,9 +222,7 @@ class Stabilised:
     motion: Array
 
 
-def stabilise(
-    step: Step, current: Guess, coupled: bool = True
-) -> tuple[NDArray[np.intp], Stabilised | None]:
+def stabilise(step: Step, current: Guess, coupled: bool = True) -> tuple[Index, Stabilised | None]:
     """Keep just so many points closed and sticking that no rigid motion is free.
 
     A body that only contact and friction hold makes the matrix singular while all its points are
@@ -317,7 +271,7 @@ def stabilise(
     return status, Stabilised(points, first)
 
 
-def _across(step: Step, current: Guess, status: NDArray[np.intp]) -> Array | None:
+def _across(step: Step, current: Guess, status: Index) -> Array | None:
     """Rows (r, k) by which slipping points hold rigid motions, across the direction of friction."""
     if not step.turns or current.reach is None:
         return None
@@ -330,7 +284,7 @@ def _across(step: Step, current: Guess, status: NDArray[np.intp]) -> Array | Non
     return ((firm[:, None, None] * across) @ step.motions.tangential[at]).reshape(-1, step.motions.k)
 
 
-def _by(value: Array, mask: Mask, step: Step, known: float = 0.0) -> NDArray[np.intp]:
+def _by(value: Array, mask: Mask, step: Step, known: float = 0.0) -> Index:
     """Points from the smallest value to the largest; those alike up to round-off by their rank.
 
     `known`: what values are uncertain by, however small they are.
@@ -344,7 +298,7 @@ def _by(value: Array, mask: Mask, step: Step, known: float = 0.0) -> NDArray[np.
 
 def fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
     """[M] fig. 4a: the method of fictitious friction forces, accelerated by Anderson's mixing."""
-    return through_springs(_fictitious, step, guess, tolerance)
+    return _until_rested(_fictitious, step, guess, tolerance)
 
 
 def _fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
@@ -377,7 +331,7 @@ def _fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]
         trial = step.trial(response.slip)
         mapped, slips = step.friction.project(trial, response.normal_force, response.slip)
         error = np.where(elastic[:, None], mapped - response.tangential_force, 0.0)
-        scale = response.largest_force
+        scale = largest_force(response)
         residual = float(np.max(np.abs(error), initial=0.0) / scale) if scale > 0 else 0.0
 
         proposal = Projection(step, response).proposal(replace(current, status=status))

@@ -27,18 +27,15 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skfem_contact.arrays import lengths
+from skfem_contact.arrays import Array, Index, Mask, lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.loops.step import Guess, Step
-from skfem_contact.loops.thresholds import ROUND_OFF, SOLVED_SLIP
+from skfem_contact.loops.thresholds import DECREASE, HALVINGS, ROUND_OFF, SOLVED_SLIP
 from skfem_contact.problem.response import Resistance, Response
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from skfem_contact.records import dataclass
 
 # That of a single number.
 EPS = float(np.finfo(float).eps)
@@ -60,17 +57,22 @@ class Projection:
         self.step, self.response = step, response
         # the slip of this step, (m, d-1) [length]
         self.moved = response.slip - step.last.slip
+        self.force_scale = largest_force(response)
         self.rho = rho = rho or step.resistance or self._alike()
-        self.force_scale = response.largest_force
         self.gap_scale = approach(step, response)
         # the normal force ``a`` that the state asks for, negative where it asks for none, (m,)
         self.pressing = response.normal_force - rho.normal * response.gap
 
     def _alike(self) -> Resistance:
         """A resistance by which gaps and slips count as much as forces, where nobody knows another."""
-        force, moved = self.response.largest_force, largest_length(self.moved)
+        force, moved = self.force_scale, self.slip_scale
         alike = np.full(len(self.response.gap), force / moved if force > 0 and moved > 0 else 1.0)
         return Resistance(alike, alike)
+
+    @cached_property
+    def slip_scale(self) -> float:
+        """The largest slip of this step [length]."""
+        return longest(self.moved)
 
     @property
     def nothing(self) -> float:
@@ -154,7 +156,7 @@ class Projection:
             trial = trial + missing[:, None] * current.direction
         size = lengths(trial)
         # what is open has no status to keep; what slips back by more than the round-off of slips sticks
-        back = ROUND_OFF * largest_length(self.moved) * self.rho.tangential + 4 * EPS * bound
+        back = ROUND_OFF * self.slip_scale * self.rho.tangential + 4 * EPS * bound
         back = np.where(step.exact, np.minimum(self.nothing, back), self.nothing)
         slack = self.nothing * was_stick - back * was_slip
         if not step.all_exact:
@@ -210,7 +212,7 @@ class Projection:
         """
         step, response, rho, scale = self.step, self.response, self.rho, self.force_scale
         normal, tangential = (np.abs(self.left_over[0]), lengths(self.left_over[1]))
-        slip_scale = largest_length(self.moved)
+        slip_scale = self.slip_scale
         allowed = max(step.noise, tolerance * scale)
         known = ROUND_OFF * np.maximum(rho.normal * self.gap_scale, rho.tangential * slip_scale)
         wrong = normal > np.maximum(known, allowed)
@@ -230,14 +232,71 @@ class Projection:
         return wrong, float(left.max(initial=0.0) / scale)
 
 
+@dataclass
+class LineSearch:
+    """Armijo's rule on what the projection leaves over: a step is halved until less is left.
+
+    Between two states lie those whose gaps, slips and forces are the same mean of theirs: bodies are
+    linear, so that they are in equilibrium too. Before the first state none is known, and the step to
+    it is whole. `whole`: all are. Limits that lag lead to another fixed point in every iteration, and
+    not straight down to that of the step.
+    """
+
+    whole: bool
+    settled: bool = False
+    nearer: bool = False
+    at: Response | None = None
+    left: float = np.inf
+    note: str = ""
+
+    def advance(self, current: Guess, new: Projection, wrong: Mask) -> Guess:
+        """The set for the next iterate, by the state at the best share of the way to the new one."""
+        # one more iteration tells round-off from what is left of a step
+        self.settled = not wrong.any() and (new.left >= self.left or not self.whole)
+        there, share, tries = new, 1.0, 0
+        while not (falls := there.left <= (1.0 - DECREASE * share) * self.left):
+            if self.at is None or self.whole or tries == HALVINGS:
+                break
+            share, tries = 0.5 * share, tries + 1
+            there = Projection(new.step, _between(self.at, new.response, share))
+        self.note = f"{share:.2g} of a step" if tries else ""
+        self.nearer = falls and there.left > 0.0
+        self.at, self.left = there.response, there.left
+        return there.proposal(current)
+
+
+def _between(a: Response, b: Response, share: float) -> Response:
+    """The state at a share of the way from `a` to `b`; points without partner have no gap in either."""
+    finite = np.isfinite(b.gap)
+    gap = np.where(finite, 0.0, b.gap)
+    gap[finite] = _mean(a.gap[finite], b.gap[finite], share)
+    return Response(
+        gap,
+        _mean(a.slip, b.slip, share),
+        _mean(a.normal_force, b.normal_force, share),
+        _mean(a.tangential_force, b.tangential_force, share),
+        _mean(a.solution, b.solution, share),
+    )
+
+
+def _mean(a: Array, b: Array, share: float) -> Array:
+    return a + share * (b - a)
+
+
 def products(a: Array, b: Array) -> Array:
     """Scalar products of vectors (m, d-1), (m,); in half the time of a sum."""
     return np.asarray(np.einsum("ik,ik->i", a, b))
 
 
-def largest_length(vectors: Array) -> float:
+def longest(vectors: Array) -> float:
     """The length of the longest vector (m, d-1), zero of none."""
-    return float(lengths(vectors).max(initial=0.0))
+    return float(np.sqrt(products(vectors, vectors).max(initial=0.0)))
+
+
+def largest_force(response: Response) -> float:
+    """The largest normal or tangential force at a point [force]."""
+    pressing = float(np.abs(response.normal_force).max(initial=0.0))
+    return max(pressing, longest(response.tangential_force))
 
 
 def approach(step: Step, response: Response) -> float:
@@ -248,8 +307,8 @@ def approach(step: Step, response: Response) -> float:
 
 def same_slip(step: Step, response: Response) -> float:
     """A slip up to this may be the round-off of prescribed displacements [length]."""
-    slips = max(lengths(slip).max(initial=0.0) for slip in (response.slip, step.last.slip))
-    return COMPUTED * float(max(step.far, approach(step, response), slips))
+    slips = max(longest(response.slip), longest(step.last.slip))
+    return COMPUTED * max(step.far, approach(step, response), slips)
 
 
 def trial_round_off(step: Step, response: Response) -> Array:
@@ -269,8 +328,8 @@ def smooth_points(step: Step, force_scale: float, slip: Array) -> Mask | bool:
 
 
 def friction_of_prescribed_slip(
-    step: Step, slip_prescribed: Mask, status: NDArray[np.intp], response: Response
-) -> tuple[NDArray[np.intp], Array]:
+    step: Step, slip_prescribed: Mask, status: Index, response: Response
+) -> tuple[Index, Array]:
     """Status (m,) and friction (m, d-1) of the answer, by the law where the slip is prescribed.
 
     In `step` these points are none with friction: there is no equation for it.

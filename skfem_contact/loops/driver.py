@@ -80,7 +80,7 @@ class Options:
 
     @classmethod
     def fast(cls) -> Options:
-        """For finite sliding in a hurry: pairings are iterated to 1e-3 of the largest force.
+        """Return options for fast finite sliding: pairings are iterated to 1e-3 of the largest force.
 
         It saves time where ``sliding="finite"`` pairs anew, above all with mortar; the times and errors
         are in docs/checks/trade.md and docs/checks/performance.md. The pairing of small sliding is
@@ -99,7 +99,7 @@ class Options:
 
     @classmethod
     def accurate(cls) -> Options:
-        """For comparisons of answers with each other: pairings are iterated to 1e-8.
+        """Return options for accurate finite sliding, to compare answers: pairings to 1e-8.
 
         Errors stay those of the mesh, forces move in the sixth digit, at up to twice the time
         (docs/checks/trade.md, docs/checks/performance.md). Nothing changes with small sliding, see

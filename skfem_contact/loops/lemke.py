@@ -16,8 +16,8 @@ the loop itself has the last word.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.loops.step import Guess, Step
@@ -32,9 +32,6 @@ from skfem_contact.loops.thresholds import (
 )
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 def lemke(M: Array, q: Array) -> Array | None:
@@ -115,7 +112,7 @@ class _Problem:
 
     points: Index  # those that may touch
     friction: Index  # with friction
-    pressed: NDArray[np.bool_]  # those of them that may open
+    pressed: Mask  # those of them that may open
     W_nn: Array
     W_nt: Array
     W_tt: Array
@@ -264,7 +261,7 @@ def _statuses(step: Step, problem: _Problem, z: Array, current: Guess) -> Guess:
     return Guess(status, direction, force, tangential, current.slip, pivoted=True)
 
 
-def slipping(forward: Array, backward: Array, sigma: Array) -> NDArray[np.bool_]:
+def slipping(forward: Array, backward: Array, sigma: Array) -> Mask:
     """Find the points that slip, by both parts ``b+``, ``b-`` of their friction and their slip, (b,).
 
     Where both parts act the friction is below its bound, and the point sticks: its slip is zero. A

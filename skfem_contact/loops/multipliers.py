@@ -16,14 +16,14 @@ beyond its bound slip. Where v holds points together by their normal forces alon
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import largest, lengths, size_of
+from skfem_contact.arrays import Array, Mask, largest, lengths, size_of
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.rows import stacked_rows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
@@ -31,15 +31,13 @@ from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.elimination.thresholds import AGREEMENT
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.krylov import gmres
-from skfem_contact.loops.complementarity import Projection
+from skfem_contact.loops.complementarity import Projection, largest_force
 from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.thresholds import MOST_MOVES, ROUNDED, SLOW
 from skfem_contact.problem.response import Response
 from skfem_contact.problem.springs import least_friction
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Iteration = Callable[[Step, Guess, float], Iterator[Iterate]]
 
 
@@ -76,20 +74,24 @@ class Rested:
     strained: bool
 
 
-def through_springs(loop: Iteration, step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
-    """A loop, again and again, while springs have a strain; without springs, once.
+def through_springs(
+    loop: Iteration, step: Step, guess: Guess, tolerance: float, known: Sequence[Iterate] = ()
+) -> Iterator[Iterate]:
+    """A loop, again and again, while the springs that points are seen through have a strain.
 
     Rest forces follow the forces of one answer after the other. What springs come to under the
-    conditions of the first is tried before: it is the answer unless points change then.
+    conditions of the first is tried before: it is the answer unless points change then. `known` is the
+    answer with springs that have no forces, where it is known.
     """
     at, rest = step, None
-    if guess.near and step.problem.springs is not None:
+    if guess.near and not known:
         rest = np.column_stack([guess.normal_force, guess.tangential_force])
         at = _at_rest(step, rest)
     change, least = np.zeros(0), np.inf
+    iterates: Iterable[Iterate] = chain(known, loop(at, guess, tolerance))
     while True:
-        for iterate in loop(at, guess, tolerance):
-            if iterate.converged and step.problem.springs is not None:
+        for iterate in iterates:
+            if iterate.converged:
                 break
             yield iterate
         p, before = _forces(iterate.response), change
@@ -117,7 +119,7 @@ def through_springs(loop: Iteration, step: Step, guess: Guess, tolerance: float)
                 way = _forces(found.response) - p
                 p = p + min(1.0, _until_one_changes(step, iterate, p, way)) * way
         rest = p
-        at, guess = _moved_to(step, p, iterate)
+        iterates = loop(*_moved_to(step, p, iterate), tolerance)
 
 
 def _without_friction(step: Step, iterate: Iterate) -> Array:
@@ -189,7 +191,7 @@ def _lost(step: Step, iterate: Iterate, change: Array, slow: bool) -> bool:
     assert step.problem.springs is not None
     strain = size_of(step.problem.springs[:, None] * change)
     known = AGREEMENT * _extent(step) if slow else _round_off(step, iterate.response)
-    return strain <= known or size_of(change) <= SOLVED * iterate.response.largest_force
+    return strain <= known or size_of(change) <= SOLVED * largest_force(iterate.response)
 
 
 def _forces(response: Response) -> Array:

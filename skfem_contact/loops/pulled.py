@@ -21,8 +21,8 @@ from dataclasses import replace
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.conditions.thresholds import NO_WORK
@@ -37,8 +37,6 @@ from skfem_contact.problem.points import PointSpace, on_rows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
 from skfem_contact.problem.seam import ContactProblem
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
 
 
 class LoadingMachine:

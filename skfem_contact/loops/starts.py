@@ -24,8 +24,8 @@ from dataclasses import replace
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
@@ -38,22 +38,18 @@ from skfem_contact.loops.pulled import Carried, after, pulled
 from skfem_contact.loops.step import Guess, Record, Step
 from skfem_contact.loops.thresholds import (
     EASED,
-    EASED_AFTER,
     IN_SERIES,
     MOST_IN_SERIES,
     MOST_POINTS,
     NEAR,
     NEWTON_ITERATIONS,
     RISES,
-    SOFTENED,
     SOFTEST,
     TOO_SOFT,
 )
 from skfem_contact.problem.response import Load, Resistance
 from skfem_contact.problem.seam import ContactProblem
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
 
 # Where an attempt at a load step begins, in this order.
 STARTS = ("warm", "cold", "newton", "pivoting", "pulled", "proximal")
@@ -139,7 +135,20 @@ def starting_values(
     before : callable, optional
         Gives the load at which the step begins, for ``"pulled"``.
     """
-    guess = as_guess(known)
+    found = _start(start, as_guess(known), step, tolerance, loop, dense, before)
+    found.guess = admissible(found.guess, step)
+    return found
+
+
+def _start(
+    start: str,
+    guess: Guess,
+    step: Step,
+    tolerance: float,
+    loop: str,
+    dense: Step,
+    before: Callable[[], Load] | None,
+) -> Start:
     if start == "warm":
         return Start(guess)
     if start == "newton":
@@ -179,13 +188,10 @@ def _cold(step: Step) -> Guess:
 
 def natural_state(kin: Kinematics, surface: int) -> State:
     """Before any load: nothing is known to touch, no slip, no friction."""
-    zero = np.zeros((kin.m, kin.tangents))
-    none, status = np.zeros(surface), np.zeros(kin.m, dtype=int)
-    force = np.zeros(kin.m)
-    local = LocalState(
-        status, zero, zero, force, zero, kin.gap0, kin.area, none, none, kin.vertex, force, force
-    )
-    return local.in_space(kin)
+    zero, none, status = np.zeros(kin.normal.shape), np.zeros(surface), np.zeros(kin.gap0.shape, int)
+    force = np.zeros(kin.gap0.shape)
+    still = status, zero, zero, force, zero, kin.gap0, kin.area, none, none, kin.vertex, force, force
+    return State(*still, normal=kin.normal)
 
 
 def as_guess(state: LocalState) -> Guess:
@@ -238,7 +244,8 @@ def proximal(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Outcome
             break
         trace += [replace(record, note="springs in series") for record in found.trace]
         if not found.converged:
-            softness, eased = softness * SOFTENED, EASED_AFTER
+            eased = EASED**0.5
+            softness *= eased
             continue
         before, guess = guess, replace(after(step, found), near=True)
         if _change(before, guess) < NEAR:

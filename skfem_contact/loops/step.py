@@ -5,17 +5,14 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import LocalState
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
 from skfem_contact.problem.seam import LinearProblem
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(eq=False)
@@ -43,7 +40,7 @@ class Step:
     frictional: Mask
     stiffness: Array
     last: LocalState
-    rank: NDArray[np.intp]
+    rank: Index
     noise: float = 0.0
     far: float = 0.0
     resistance: Resistance | None = None
@@ -135,7 +132,7 @@ class Iterate:
         Whether forces grow without end, and no point opens or slips however large they are.
     """
 
-    status: NDArray[np.intp]
+    status: Index
     direction: Array
     response: Response
     conditions: Conditions
@@ -159,7 +156,7 @@ class Guess:
     through which points are seen begin at rest under them.
     """
 
-    status: NDArray[np.intp]
+    status: Index
     direction: Array
     normal_force: Array
     tangential_force: Array

@@ -30,10 +30,11 @@ FREE_CHANGES = 12
 
 # -- starts ------------------------------------------------------
 
-# Softness of the springs in series over that of the points: at first; what it is divided by after each
-# answer, and after each once one was not found; what it is multiplied by then. On 168 load steps with
-# coefficients of 3, 10 and 100 that Newton had failed at, values of twice and half as much do as well.
-SOFTEST, EASED, EASED_AFTER, SOFTENED = 30.0, 4.0, 2.0, 3.0
+# Softness of the springs in series over that of the points: at first; and what it is divided by after
+# each answer. Where one is not found it is multiplied by the root of that, and divided by no more from
+# then on. On 168 load steps with coefficients of 3, 10 and 100 that Newton had failed at, values of
+# twice and half as much do as well.
+SOFTEST, EASED = 30.0, 4.0
 
 # Iterations for a problem with springs, and for the problem itself, once the forces have changed by
 # less than a share from one problem to the next; and for the whole chain, which took 100 on the mean

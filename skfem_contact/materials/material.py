@@ -108,12 +108,21 @@ class Split(Material):
     def volumetric(self, growth: Array) -> tuple[Array, Array, Array]:
         """U by initial volume, and two derivatives, of ``det F - 1``, ``tr H`` at small strains."""
 
-    def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
+    def averaged(self, H: Array, state: State, mean: Callable[[Array], Array]) -> tuple[Any, ...]:
+        """Stress, tangent and internal variables with a mean of the change of volume.
+
+        The tangent is without that of the mean: then come ``dJ/dF`` and ``U''``, of which it is.
+        """
         P, A, new = self.isochoric(H, state)
         growth, slope, bend = dilatation(H, self.finite_strain)
-        _, p, dp = self.volumetric(growth)
+        _, p, dp = self.volumetric(mean(growth))
+        A = A if bend is None else A + p * bend
+        return P + p * slope, A, new, slope, dp
+
+    def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
+        P, A, new, slope, dp = self.averaged(H, state, lambda growth: growth)
         s = slope[: len(H), : len(H)]
-        return P + p * slope, A + p * bend + np.einsum("ij...,kl...->ijkl...", dp * s, s), new
+        return P, A + np.einsum("ij...,kl...->ijkl...", dp * s, s), new
 
 
 class FromFunction(Material):
@@ -225,14 +234,14 @@ def deformation(H: Array) -> tuple[Array, Array, Array]:
 
 
 def dilatation(H: Array, finite: bool) -> tuple[Array, Array, Any]:
-    """Return ``J - 1`` (e, q), its derivative (3, 3, e, q), and d rows of the second one.
+    """Return ``J - 1`` (e, q), its derivative (3, 3, e, q), and d rows of the second one, if not zero.
 
     Without the one, beside which small strains lose their digits: far from a small contact stresses
     of that round-off act on large areas.
     """
     small = trace(H)
     if not finite:
-        return small, np.broadcast_to(unit(2), (3, 3, *H.shape[2:])), 0.0
+        return small, np.broadcast_to(unit(2), (3, 3, *H.shape[2:])), None
     _, J, G = deformation(H)
     g = G[: len(H), : len(H)]
     bend = np.einsum("ij...,kl...->ijkl...", J * g, g)

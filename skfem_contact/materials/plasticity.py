@@ -160,7 +160,7 @@ class J2(PrintedAsCall, Isotropic, Split):
         strain = old + dp * n
         stress = xi + self.kinematic / 1.5 * old - 2.0 * mu * dp * n
         kept = 1.0 - 3.0 * mu * dp * over
-        tangent = isotropic(0.0, mu * kept, d)
+        tangent = np.multiply.outer(isotropic(0.0, mu, d), kept)
         m = n[:d, :d] * np.sqrt((grows - 1.0 + kept).clip(0.0) * 4.0 / 3.0 * mu)
         tangent -= np.einsum("ij...,kl...->ijkl...", m, m)
         return stress, tangent, {"plastic_strain": strain, "equivalent_plastic_strain": p + dp}
@@ -200,15 +200,16 @@ class J2(PrintedAsCall, Isotropic, Split):
         return elastic + back + self.volumetric(growth)[0], work
 
     def _work(self, p: Array) -> Array:
-        """Work that isotropic hardening takes until p, the integral of Y, by Gauss's points."""
-        at = np.zeros(1) if callable(self.yield_stress) else self.yield_stress[:, 1]
-        x, w = np.polynomial.legendre.leggauss(8)
-        total = np.zeros_like(p)
-        for low, high in zip(at, [*at[1:], np.inf], strict=True):
-            width = np.minimum(p, high).clip(low) - low
-            for place, weight in zip(0.5 + 0.5 * x, 0.5 * w, strict=True):
-                total += weight * width * self.yields(low + place * width)[0]
-        return total
+        """Work that isotropic hardening takes until p, the integral of Y; of functions by Gauss."""
+        if callable(self.yield_stress):
+            points = zip(*np.polynomial.legendre.leggauss(8), strict=True)
+            return np.sum(
+                [0.5 * w * p * self.yields(0.5 * (1.0 + x) * p)[0] for x, w in points], axis=0
+            )
+        Y, at = self.yield_stress.T
+        row = np.searchsorted(at, p, side="right") - 1
+        until = np.append(0.0, np.cumsum(0.5 * (Y[1:] + Y[:-1]) * np.diff(at)))
+        return until[row] + 0.5 * (Y[row] + np.interp(p, at, Y)) * (p - at[row])
 
 
 def _table(values: ArrayLike) -> Array:

@@ -47,16 +47,14 @@ def double(A: Array, B: Array) -> Array:
     return np.asarray(np.einsum("ij...,ij...->...", A, B))
 
 
-def isotropic(bulk: Any, shear: Any, d: int) -> Array:
-    """Return ``bulk 1 x 1 + 2 shear I_dev`` of d rows, I_dev symmetric; arrays of points go last.
+def isotropic(bulk: float, shear: float, d: int) -> Array:
+    """Return ``bulk 1 x 1 + 2 shear I_dev`` of d rows, I_dev symmetric.
 
     Examples
     --------
     >>> isotropic(1.0, 0.5, 2)[0, 0, 0, 0].round(3), isotropic(1.0, 0.5, 2)[0, 1, 1, 0]
     (np.float64(1.667), np.float64(0.5))
     """
-    bulk, shear = np.asarray(bulk, dtype=float), np.asarray(shear, dtype=float)
     one = np.eye(d)
-    spherical = np.multiply.outer(one, one)
     both = np.einsum("ik,jl->ijkl", one, one) + np.einsum("il,jk->ijkl", one, one)
-    return np.multiply.outer(spherical, bulk - 2.0 / 3.0 * shear) + np.multiply.outer(both, shear)
+    return (bulk - 2.0 / 3.0 * shear) * np.multiply.outer(one, one) + shear * both

@@ -1,8 +1,8 @@
 """Rigid obstacles: they are paired and they move, as they are told or by their loads.
 
-* `obstacle`, `motion`: what every obstacle does, and what is made of straight facets; how motions are
-  written, turns in space included;
-* `shapes`, `level_set`: planes, cylinders, spheres; a function of position;
+* `obstacle`: what every obstacle does, and what is made of straight facets; how motions are written,
+  turns in space included;
+* `shapes`: planes, cylinders, spheres; a function of position;
 * `polyline`, `triangles`: an outline of edges; a surface of triangles, from a file; `bends`: their
   flats, along the bends beside them;
 * `rigid_body`: an obstacle with the DOFs of its motion, one of the bodies.
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from skfem_contact.entrances import entrances
 
 if TYPE_CHECKING:
-    from skfem_contact.obstacles.level_set import LevelSet as LevelSet
+    from skfem_contact.obstacles.shapes import LevelSet as LevelSet
 
 __all__ = ["LevelSet"]
 
@@ -21,8 +21,7 @@ __getattr__, __dir__ = entrances(
     __name__,
     __all__,
     {
-        "level_set": "LevelSet",
-        "motion": "read_motion rotation_matrix spin",
-        "obstacle": "Obstacle",
+        "obstacle": "Obstacle read_motion rotation_matrix spin",
+        "shapes": "LevelSet",
     },
 )

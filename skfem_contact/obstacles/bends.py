@@ -12,19 +12,15 @@ from dataclasses import field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix, identity, vstack
 from scipy.sparse.csgraph import connected_components
 
-from skfem_contact.bodies.kinks import bends, end_slopes
+from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.bodies.normal_field import bends, end_slopes
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import BENT, STEEPEST
 from skfem_contact.digits import SOLVED
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 #: Part of a flat edge, or of the height of a triangle, over which its normals turn towards a bend at
 #: its end. Longer, and friction on flats leans by the bend; shorter, and points that pass it meet a

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import check_name, check_switch, numbers, take, with_known_keywords
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.selection import written
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
@@ -16,9 +17,6 @@ from skfem_contact.obstacles.obstacle import Faceted, volume
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
 from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 #: Distance over the largest coordinate at which two points may be one: coordinates that were turned
 #: and moved are wrong by a few halves of their last digit.
@@ -148,10 +146,7 @@ def _near_edges(start: Array, end: Array, touching: float) -> tuple[Index, Index
     radius = 0.5 * np.linalg.norm(end - start, axis=1) + touching
     middle = 0.5 * (start + end)
     # long edges are asked one by one: their circle is no guide for the short ones
-    tree = Tree(middle)
-    found = tree.query_ball_point(middle, radius + radius.max())
-    i = np.repeat(np.arange(len(middle)), [len(some) for some in found])
-    j = np.concatenate([np.asarray(some, dtype=np.intp) for some in found])
+    i, j = Tree(middle).pairs(middle, 2 * float(radius.max()))
     near = (i < j) & (np.linalg.norm(middle[i] - middle[j], axis=1) <= radius[i] + radius[j])
     return i[near], j[near]
 

@@ -18,6 +18,7 @@ from skfem_contact.arguments import (
     suggest,
     with_known_keywords,
 )
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.inputs import csr32
 from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.bodies.member import Member
@@ -25,12 +26,9 @@ from skfem_contact.bodies.rigid_modes import motion_names
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
-from skfem_contact.obstacles.motion import MotionLike
-from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.obstacles.obstacle import MotionLike, Obstacle
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal, sealed, sealed_matrix
-
-Array = NDArray[np.float64]
 
 
 @with_known_keywords(f="write force and moment", motion="write D and x", load="write force and moment")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -21,6 +21,7 @@ from skfem_contact.arguments import (
     take,
     with_known_keywords,
 )
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.facets import area_vectors, twin_edges
 from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.selection import written
@@ -31,14 +32,9 @@ from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
 from skfem_contact.trees import pairs_within
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-
 #: Corners closer than this part of the extent are one: files give those of every triangle anew, equal
 #: up to the single precision they are written in.
 SAME_CORNER = 1e-7
-#: Height of a triangle over its longest side below which it has no direction: digits of such files.
-NO_HEIGHT = 1e-7
 
 #: How meshio calls faces that are no plain triangles, or curved ones.
 OTHER_FACES = ("triangle", "quad", "polygon")
@@ -210,7 +206,7 @@ def _check_triangles(points: Array, triangles: Index, label: str) -> None:
     x = points[triangles]
     sides = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2)
     longest = sides.max(axis=1)
-    flat = np.flatnonzero(sizes(area_vectors(x)) <= NO_HEIGHT * longest**2)
+    flat = np.flatnonzero(sizes(area_vectors(x)) <= SAME_CORNER * longest**2)
     if len(flat):
         raise InputError(
             f"{len(flat)} triangles of {label!r} have no area, the first is number {flat[0]} at "

@@ -4,9 +4,9 @@
 * `tools`: rigid obstacles as lines and triangles;
 * `grids`, `vtk`: files for ParaView;
 * `view`, `drawing`: what stands where in a picture, and what all pictures have;
-* `plot_bodies`, `plot_contacts`, `plot_assemblies`, `plot_histories`, `solids`: pictures with
-  matplotlib;
-* `pyvista_scene`: pictures in space with PyVista.
+* `plot_bodies`, `plot_contacts`, `plot_assemblies`, `plot_histories`: pictures with matplotlib;
+* `solids`: what is drawn in space, by PyVista or by matplotlib;
+* `pyvista_scene`: bodies in a window of PyVista.
 """
 
 from typing import TYPE_CHECKING

@@ -19,8 +19,6 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.errors import InputError
 from skfem_contact.output.fields import quantity
-from skfem_contact.output.tools import AROUND
-from skfem_contact.output.view import Box
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -108,19 +106,6 @@ def new_figure(size: tuple[float, float]) -> Any:
     return _pyplot().figure(figsize=size, layout="compressed")
 
 
-def solid_axes(ax: Any, size: tuple[float, float]) -> Any:
-    """The same in space; what is drawn later stands before what is drawn first."""
-    if ax is None:
-        ax = new_figure(size).add_subplot(projection="3d")
-    if not hasattr(ax, "zaxis"):
-        raise InputError(
-            "these axes are plane, the picture is not: take figure.add_subplot(projection='3d')"
-        )
-    ax.computed_zorder = False
-    ax.set_proj_type("ortho")
-    return ax
-
-
 def colour_bar(ax: Any, image: Any, label: str, **where: Any) -> None:
     """The bar of colours; where all values are equal it names this one, and no range around it."""
     low, high = image.get_clim()
@@ -169,8 +154,7 @@ def note(ax: Any, lines: list[str], drawn: Array | None = None) -> None:
         covered = [np.sum(np.all(np.abs(at - c) < (wide, high), axis=1)) for c in corners]
         corners = [corners[int(np.argmin(covered))]]
     x, y = corners[0]
-    put = ax.text2D if hasattr(ax, "text2D") else ax.text
-    put(
+    ax.text(
         x, y, "\n".join(lines), transform=ax.transAxes, va="top" if y > 0.5 else "bottom",
         ha="left" if x < 0.5 else "right", fontsize="small", zorder=6,
         bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1.5},
@@ -212,54 +196,6 @@ def draw_lines(ax: Any, points: Array, lines: Index, size: float) -> None:
             gid="obstacle strokes",
         )
     )
-
-
-def draw_faces(ax: Any, points: Array, triangles: Index, box: Box) -> None:
-    """An obstacle in space, as far as it is in a box: the bodies are seen through it."""
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # as above
-
-    low, high = box
-    size = float(np.max(high - low))
-    shown = _inside(points[triangles], low - AROUND * size, high + AROUND * size)
-    if shown:
-        ax.add_collection3d(
-            Poly3DCollection(
-                shown,
-                facecolors=TOOL,
-                edgecolors=TOOL,
-                linewidths=0.15,
-                alpha=0.22,
-                zorder=2,
-                gid="obstacle",
-            )
-        )
-
-
-def _inside(x: Array, low: Array, high: Array) -> list[Array]:
-    """Cut off what is outside of a box from triangles (t, 3, 3): polygons (k, 3) are left."""
-    apart = np.any((x.max(axis=1) < low) | (x.min(axis=1) > high), axis=1)
-    whole = np.all((x >= low) & (x <= high), axis=(1, 2))
-    shown = list(x[whole])
-    for polygon in x[~whole & ~apart]:
-        for k in range(3):
-            for sign, bound in ((1.0, low[k]), (-1.0, high[k])):
-                polygon = _beyond(polygon, sign * (polygon[:, k] - bound))
-        if len(polygon) > 2:
-            shown.append(polygon)
-    return shown
-
-
-def _beyond(polygon: Array, height: Array) -> Array:
-    """The part of a convex polygon (k, 3) where heights (k,) are not negative."""
-    after, there = np.roll(height, -1), np.roll(polygon, -1, axis=0)
-    points = []
-    for i in range(len(polygon)):
-        if height[i] >= 0:
-            points.append(polygon[i])
-        if height[i] * after[i] < 0:
-            part = height[i] / (height[i] - after[i])
-            points.append(polygon[i] + part * (there[i] - polygon[i]))
-    return np.array(points).reshape(-1, 3)
 
 
 def _pyplot() -> Any:

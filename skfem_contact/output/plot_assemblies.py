@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.errors import InputError
-from skfem_contact.output.drawing import ABOVE, LINES, new_axes, solid_axes
+from skfem_contact.output.drawing import ABOVE, LINES, new_axes
+from skfem_contact.output.solids import UP, VIEWER, Part, faces_part, frame_of, picture
 
 Array = NDArray[np.float64]
 
@@ -25,7 +27,7 @@ def plot_pairs(contacts: Sequence[Contact], ax: Any = None) -> Any:
     contacts : FoundContacts or sequence of Contact
         Contacts with rigid obstacles are left out.
     ax : matplotlib axes, optional
-        Of solids with ``projection="3d"``. A new figure if not given.
+        Plain ones, for solids too. A new figure if not given.
 
     Returns
     -------
@@ -58,41 +60,37 @@ def plot_pairs(contacts: Sequence[Contact], ax: Any = None) -> Any:
         raise InputError("there are no pairs to draw; print(pairs) says what was near")
     bodies = {id(side.body): side.body for both in sides for side in both}
     whole = [body.surface(None) for body in bodies.values() if isinstance(body, Body)]
-    plane = whole[0].dim == 2
-    ax = (new_axes if plane else solid_axes)(ax, (7.0, 5.2))
-    for surface in whole:
-        _add(ax, surface, LINES, alpha=0.4 if plane else 0.06)  # pairs are seen through bodies
-    for i, ((one, other), name) in enumerate(zip(sides, names, strict=True)):
-        _add(ax, one, f"C{i % 10}", width=3.0, label=name)
-        _add(ax, other, f"C{i % 10}", width=3.0)
-    points = np.concatenate([surface.points for surface in whole])
-    low, high = points.min(axis=0), points.max(axis=0)
-    for axis, a, b in zip("xyz", low, high, strict=False):
-        room = 0.05 * (high - low).max()
-        ax.set(**{f"{axis}lim": (a - room, b + room), f"{axis}label": axis})
-    ax.set_aspect("equal")
+    shades = [
+        (f"C{i % 10}", both, name) for i, (both, name) in enumerate(zip(sides, names, strict=True))
+    ]
+    if whole[0].dim == 3:  # pairs are seen through bodies
+        parts = [_part(surface, "#dddddd", 0.25) for surface in whole]
+        parts += [_part(side, colour, 1.0) for colour, both, _ in shades for side in both]
+        ax, _ = picture(parts, ax, frame_of(VIEWER, UP), "YlGnBu", (0.0, 1.0), {})
+    else:
+        ax = new_axes(ax, (7.0, 5.2))
+        _add(ax, whole, LINES, 0.8, 0.4)
+        for colour, both, _ in shades:
+            _add(ax, both, colour, 3.0, 0.8)
+        ax.set(aspect="equal", xlabel="x", ylabel="y")
+        ax.margins(0.05)
+    for colour, _, name in shades:
+        ax.plot([], [], "s", color=colour, label=name)
     ax.legend(**ABOVE | {"ncols": 3, "fontsize": "small", "frameon": False})
     return ax
 
 
-def _add(
-    ax: Any,
-    surface: ContactSurface,
-    colour: str,
-    alpha: float = 0.8,
-    width: float = 0.8,
-    label: str = "",
-) -> None:
-    """One surface as lines or faces."""
-    from matplotlib.collections import LineCollection  # optional, and slow to import
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+def _part(surface: ContactSurface, colour: str, opacity: float) -> Part:
+    """All of a surface in one colour."""
+    every = np.ones(len(surface.facets), dtype=bool)
+    part = faces_part(surface, every, surface.points, colour, np.zeros((0, 2, 3)))
+    return replace(part, opacity=opacity)
 
-    kind, plane = surface.kind, surface.dim == 2
-    pieces = np.array(kind.parts) if plane else kind.linear_parts
-    x = list(surface.points[surface.facets][:, pieces].reshape(-1, pieces.shape[1], surface.dim))
-    if plane:
-        drawn = LineCollection(x, colors=colour, linewidths=width)
-    else:
-        drawn = Poly3DCollection(x, facecolors=colour, edgecolors="none")
-    drawn.set(alpha=alpha, label=label or "_side")
-    ax.add_collection(drawn)
+
+def _add(ax: Any, surfaces: Sequence[ContactSurface], colour: str, width: float, alpha: float) -> None:
+    """Surfaces of plane bodies as lines."""
+    from matplotlib.collections import LineCollection  # optional, and slow to import
+
+    for surface in surfaces:
+        lines = surface.points[surface.facets[:, surface.kind.simplices].reshape(-1, 2)]
+        ax.add_collection(LineCollection(list(lines), colors=colour, linewidths=width, alpha=alpha))

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import check_switch, known_keywords, numbers
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.facet_kinds import kind_of
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import InputError
 from skfem_contact.output.drawing import (
@@ -22,7 +21,6 @@ from skfem_contact.output.drawing import (
     arc_length,
     arrow_heads,
     colour_bar,
-    draw_faces,
     draw_lines,
     is_solid,
     limits,
@@ -41,7 +39,15 @@ from skfem_contact.output.fields import (
     quantity,
 )
 from skfem_contact.output.fields import component as component_of
-from skfem_contact.output.solids import draw_bodies
+from skfem_contact.output.solids import (
+    UP,
+    VIEWER,
+    body_part,
+    cut_cells,
+    frame_of,
+    picture,
+    tool_parts,
+)
 from skfem_contact.output.stress import field_values
 from skfem_contact.output.tools import tools
 from skfem_contact.output.view import Box, View, gaps_overlap, placed_tools, view, with_tools
@@ -64,11 +70,14 @@ def plot_deformed(
     window: Sequence[float] | None = None,
     obstacles: bool = True,
     u: ArrayLike | None = None,
+    viewer: Sequence[float] = VIEWER,
+    up: Sequence[float] = UP,
 ) -> Any:
     """Draw the deformed bodies, coloured, and rigid obstacles, with arrows of the traction.
 
-    Of solids the outer faces, as seen from the first octant, without arrows: what touches is inside,
-    and `plot_contact` shows it.
+    Solids are drawn by their outer faces, with PyVista where it is installed, and without arrows:
+    what touches is inside, and `plot_contact` shows it. The arrows x, y, z below have the length that
+    stands beside them.
 
     Parameters
     ----------
@@ -83,7 +92,7 @@ def plot_deformed(
         "equivalent_plastic_strain", where bodies without it stay grey; or ``stress(body, u)`` with a
         number, vector or tensor per node; by default the size of the displacement.
     ax : matplotlib Axes, optional
-        Of solids with ``projection="3d"``.
+        Plain ones, for solids too.
     arrows : bool
         Draw the traction at closed points. The head is on the secondary surface.
     label : str, optional
@@ -101,6 +110,8 @@ def plot_deformed(
     u : ndarray, shape (n,), optional
         Displacements of all bodies in the place of those of the result: a shape of vibration, times
         the size that it is to have [length].
+    viewer, up : (x, y, z)
+        For solids: the direction towards the viewer, and what is above.
 
     Returns
     -------
@@ -134,15 +145,15 @@ def plot_deformed(
         raise InputError("window is for plane pictures: set the limits of these axes instead")
     seen, bodies = view(result, scale), list(result.system.solids.values())
     values = [colours(result, body, stress, component) for body in bodies]
+    frame = frame_of(viewer, up) if solid else np.eye(2)
+    box = seen.box(result) if window is None else _window(window)
+    if window is None and obstacles:
+        box = with_tools(result, seen, box)
     if solid:
-        outside = [_on_boundary(body, v) for body, v in zip(bodies, values, strict=True)]
-        ax, image, box = draw_bodies(result, seen, outside, ax, cmap, obstacles)
-        for points, triangles in placed_tools(result, seen, box) if obstacles else ():
-            draw_faces(ax, points, triangles, box)
+        parts = [body_part(result, body, seen, v) for body, v in zip(bodies, values, strict=True)]
+        parts += tool_parts(result, seen, box) if obstacles else []
+        ax, image = picture(parts, ax, frame, cmap, limits(values), words)
     else:
-        box = seen.box(result) if window is None else _window(window)
-        if window is None and obstacles:
-            box = with_tools(result, seen, box)
         ax = new_axes(ax, _figure_size(box))
         image = _draw_cells(ax, result, seen, values, cmap)
         for points, lines in placed_tools(result, seen, box) if obstacles else ():
@@ -163,14 +174,12 @@ def plot_deformed(
         room = 0.04 * float(np.max(box[1] - box[0])) if window is None else 0.0
         (left, low), (right, high) = box[0] - room, box[1] + room
         ax.set(aspect="equal", xlim=(left, right), ylim=(low, high))
+        ax.set(xlabel=labelled("x", "length", words), ylabel=labelled("y", "length", words))
     if remarks:
-        note(ax, remarks, None if solid else np.concatenate(seen.nodes(result)))
-    shape = {"shrink": 0.7, "pad": 0.13} if solid else {"shrink": 0.85, "pad": 0.02}
-    colour_bar(ax, image, label or colour_name(stress, component, words), **shape)
+        note(ax, remarks, np.concatenate(seen.nodes(result)) @ frame[:2].T)
+    shrink = 0.7 if solid else 0.85
+    colour_bar(ax, image, label or colour_name(stress, component, words), shrink=shrink, pad=0.02)
     ax.set_title(seen.words)
-    for axis in "xyz"[: box[0].size]:
-        if getattr(ax, f"get_{axis}label")() or not solid:  # those of flat solids stay empty
-            ax.set(**{f"{axis}label": labelled(axis, "length", words)})
     return ax
 
 
@@ -196,48 +205,23 @@ def colour_name(stress: OneStress | None, component: str | None, units: Mapping[
 
 def _draw_cells(ax: Any, result: ContactResult, seen: View, values: list[Array], cmap: str) -> Any:
     """The bodies with their colours and outlines."""
-    from matplotlib.collections import PolyCollection  # optional, and slow to import
+    from matplotlib.collections import LineCollection, PolyCollection  # optional, and slow to import
 
     low, high = limits(values)
     image = None
     bodies = result.system.solids.values()
     for body, places, colour in zip(bodies, seen.nodes(result), values, strict=True):
-        x, (kind, cells) = places.T, body_cells(body)
-        triangles = np.concatenate([cells[:, local] for local in kind_of(3, cells.shape[1]).cut])
+        x, triangles = places.T, cut_cells(body_cells(body)[1])
         if np.isnan(colour).any():  # a body without this field
             ax.add_collection(PolyCollection(x.T[triangles], color=PLAIN, rasterized=True))
         else:
             style = {"cmap": cmap, "vmin": low, "vmax": high, "rasterized": True}
             image = ax.tripcolor(*x, triangles, colour, shading="gouraud", **style)
-        _outline(ax, x, cells, kind)
+        surface = body.surface(None)
+        rim = surface.facets[:, surface.kind.simplices].reshape(-1, 2)
+        lines = seen.surface(result, surface)[rim]
+        ax.add_collection(LineCollection(list(lines), colors=LINES, linewidths=0.7))
     return image
-
-
-def _on_boundary(body: Body, values: Array) -> Array:
-    """Values at the nodes of a body, (nodes,), at those of its boundary surface."""
-    of_dof = np.empty(body.n)
-    of_dof[body_nodes(body)] = values[:, None]
-    return np.asarray(of_dof[body.surface(None).dofs[:, 0]])
-
-
-def _outline(ax: Any, x: Array, cells: NDArray[np.int64], kind: str) -> None:
-    """Draw the edges that belong to one cell only: the boundary of the body."""
-    from matplotlib.collections import LineCollection  # optional, and slow to import
-
-    corners = 3 if kind.startswith("triangle") else 4
-    ends = [(i, (i + 1) % corners) for i in range(corners)]
-    quadratic = cells.shape[1] > 4
-    edges = np.concatenate(
-        [
-            np.column_stack([cells[:, i], cells[:, corners + i if quadratic else i], cells[:, j]])
-            for i, j in ends
-        ]
-    )
-    _, index, count = np.unique(
-        np.sort(edges[:, [0, 2]], axis=1), axis=0, return_index=True, return_counts=True
-    )
-    lines = x.T[edges[index[count == 1]]]
-    ax.add_collection(LineCollection(list(lines), colors=LINES, linewidths=0.7))
 
 
 def _arrows(ax: Any, result: ContactResult, seen: View, box: Box) -> tuple[Array, float]:

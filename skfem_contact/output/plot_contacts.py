@@ -55,7 +55,7 @@ def plot_contact(
     contact : Contact, str or int, optional
         Needed where there are several.
     ax : matplotlib Axes, optional
-        Of solids with ``projection="3d"``.
+        Plain ones, for solids too.
     units : dict, optional
         Words for labels, ``{"length": "mm", "stress": "MPa"}``.
 
@@ -155,9 +155,8 @@ def plot_joints(result: ContactResult, *, units: Mapping[str, str] | None = None
     solid, columns = is_solid(result), int(np.ceil(np.sqrt(len(result))))
     rows = -(-len(result) // columns)
     figure = new_figure((5.0 * columns, (4.5 if solid else 3.2) * rows))
-    settings = {"projection": "3d"} if solid else {}
     for i, name in enumerate(result.names):
-        ax = figure.add_subplot(rows, columns, i + 1, **settings)
+        ax = figure.add_subplot(rows, columns, i + 1)
         plot_contact(result, i, ax, units=units)
         # in space a long title and the legend would stand in each other's way
         ax.set_title(name, fontsize="medium", loc="center" if solid else "right")

@@ -12,18 +12,11 @@ from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import known_keywords, members
 from skfem_contact.bodies.member import Member
 from skfem_contact.errors import InputError
-from skfem_contact.output.drawing import FRICTION, LINES, LONGEST, PLAIN, TOOL, is_solid, limits
-from skfem_contact.output.fields import (
-    OneStress,
-    body_cells,
-    body_nodes,
-    checked_units,
-    quantity,
-    three,
-)
-from skfem_contact.output.grids import vtk_numbers
+from skfem_contact.output.drawing import FRICTION, LONGEST, is_solid, limits
+from skfem_contact.output.fields import OneStress, checked_units, quantity
 from skfem_contact.output.plot_bodies import colour_name, colours
-from skfem_contact.output.view import View, placed_tools, view, with_tools
+from skfem_contact.output.solids import body_part, colour_map, plotter_of, tool_parts
+from skfem_contact.output.view import View, view, with_tools
 
 Array = NDArray[np.float64]
 
@@ -95,26 +88,14 @@ def scene(
         ) from None
     seen, shown = view(result, scale), _chosen(result, bodies)
     label = label or colour_name(stress, component, words)
-    plotter = pyvista.Plotter(off_screen=off_screen)
-    plotter.set_background("white")
     values = [colours(result, body, stress, component) for body in shown]
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for body, value in zip(shown, values, strict=True):
-        grid = _grid(pyvista, result, body, seen)
-        grid.point_data[label] = value
-        skin = _skin(pyvista, grid)
-        style = {"cmap": cmap, "clim": limits(values), "nan_color": PLAIN, "ambient": 0.25}
-        bar = {"title": f"{label}\n", "color": "black", "fmt": "%.3g"}
-        # wide labels of the last tick stay in the picture
-        style["scalar_bar_args"] = {**bar, "width": 0.5, "position_x": 0.3}
-        plotter.add_mesh(skin, scalars=label, **style)
-        _add(plotter, skin.extract_feature_edges(30.0), color=LINES, line_width=1.5)
-        low, high = np.minimum(low, grid.points.min(axis=0)), np.maximum(high, grid.points.max(axis=0))
-    d = 3 if solid else 2
-    box = with_tools(result, seen, (low[:d], high[:d]))
-    for points, cells in placed_tools(result, seen, box):
-        if len(cells):
-            _add(plotter, _tool(pyvista, points, cells, box), color=TOOL, opacity=0.3)
+    parts = [body_part(result, body, seen, v) for body, v in zip(shown, values, strict=True)]
+    x = np.concatenate([part.points for part in parts])[:, : 3 if solid else 2]
+    low, high = x.min(axis=0), x.max(axis=0)
+    parts += tool_parts(result, seen, with_tools(result, seen, (low, high)))
+    # wide labels of the last tick stay in the picture
+    bar = {"title": f"{label}\n", "color": "black", "fmt": "%.3g", "width": 0.5, "position_x": 0.3}
+    plotter = plotter_of(pyvista, parts, colour_map(cmap, limits(values)), off_screen, **bar)
     remarks = [seen.words]
     if arrows and solid:
         remarks += _arrows(pyvista, plotter, result, shown, seen, float(np.max(high - low)), words)
@@ -139,39 +120,6 @@ def _chosen(result: ContactResult, bodies: Sequence[Member | str] | None) -> lis
     return found
 
 
-def _add(plotter: Any, mesh: Any, **style: Any) -> None:
-    """Draws a mesh, if there is any of it: a ball has no edges, and PyVista refuses empty meshes."""
-    if mesh.n_points:
-        plotter.add_mesh(mesh, **style)
-
-
-def _grid(pyvista: Any, result: ContactResult, body: Any, seen: View) -> Any:
-    nodes, (kind, cells) = body_nodes(body), body_cells(body)
-    x = seen.place(body.dof_points[nodes[:, 0]], result.displacement(body)[nodes])
-    return pyvista.UnstructuredGrid({vtk_numbers()[kind]: cells}, three(x))
-
-
-def _skin(pyvista: Any, grid: Any) -> Any:
-    """The boundary as triangles; by VTK itself, as PyVista's name for it changes."""
-    from vtkmodules.vtkFiltersGeometry import vtkGeometryFilter  # PyVista brings it
-
-    boundary = vtkGeometryFilter()
-    boundary.SetNonlinearSubdivisionLevel(2)
-    boundary.SetInputDataObject(grid)
-    boundary.Update()
-    return pyvista.wrap(boundary.GetOutput())
-
-
-def _tool(pyvista: Any, points: Array, cells: NDArray[np.intp], box: tuple[Array, Array]) -> Any:
-    """An obstacle as far as it is near the bodies."""
-    table = np.column_stack([np.full(len(cells), cells.shape[1]), cells]).ravel()
-    if points.shape[1] == 2:
-        return pyvista.PolyData(three(points), lines=table)
-    room = 0.25 * float(np.max(box[1] - box[0]))
-    bounds = np.column_stack([box[0] - room, box[1] + room]).ravel()
-    return pyvista.PolyData(points, table).clip_box(bounds, invert=False)
-
-
 def _arrows(
     pyvista: Any,
     plotter: Any,
@@ -192,5 +140,6 @@ def _arrows(
         tails = pyvista.PolyData(seen.surface(result, values.surface) - way)
         tails.point_data["way"] = way
         glyphs = tails.glyph(orient="way", scale="way", factor=1.0)
-        _add(plotter, glyphs, color=FRICTION)
+        if glyphs.n_points:  # PyVista refuses empty meshes
+            plotter.add_mesh(glyphs, color=FRICTION)
     return [f"longest arrow: {quantity(peak, 'stress', units)}"]

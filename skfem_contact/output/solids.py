@@ -1,13 +1,17 @@
-"""Pictures of solids, with matplotlib: deformed bodies from outside, contact faces by their pressure.
+"""Pictures of solids: parts in space, seen from a direction, by PyVista or by matplotlib.
 
-Faces are drawn as triangles of one colour each, cut fine enough to look smooth. All are in one
-collection, which matplotlib draws from the back to the front; lines and points stand before them, so
-only those of faces that look at the viewer are drawn.
+What is drawn is a list of `Part`: triangles with lines on them. PyVista, where it is installed, turns
+them into the pixels of a picture without distortion by distance, which stands in plane axes of
+matplotlib. Otherwise matplotlib paints the triangles from the back to the front. Marks, arrows, words
+and the bar of colours are matplotlib's in both.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,212 +19,413 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.values import ContactValues
+from skfem_contact.arguments import numbers
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.conditions.state import SLIP, STICK
+from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.digits import COMPUTED
+from skfem_contact.errors import InputError
 from skfem_contact.output.drawing import (
     FRICTION,
     LINES,
     LONGEST,
     PLAIN,
+    TOOL,
     arrow_heads,
     colour_bar,
-    limits,
+    new_axes,
     note,
     open_words,
-    solid_axes,
 )
-from skfem_contact.output.fields import labelled, quantity
-from skfem_contact.output.view import Box, View, with_tools
+from skfem_contact.output.fields import body_cells, body_nodes, labelled, quantity, three
+from skfem_contact.output.tools import AROUND
+from skfem_contact.output.view import ROUND, Box, View, placed_tools
+from skfem_contact.records import dataclass
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-#: Where the viewer stands, seen from above.
-ASIDE = np.array([np.cos(-1.0), np.sin(-1.0), 0.0])
-
-# The box is drawn so much smaller than matplotlib does, which has no room for labels of long boxes.
-ZOOM = 0.85
-
-# Distances of the names and of the numbers of an axis from it, where matplotlib's own are 21 and 8 more
-# than its pads [pt], times the part of the diagonal of the box that lies across the axis (`_beside`).
-LABELS, TICKS = 21.0, 6.0
-
+#: From where solids are seen, and what is above there.
+VIEWER, UP = (1.0, -1.5, 1.0), (0.0, 0.0, 1.0)
 STUCK = "#2f7d4f"
-#: Triangles into which a triangle is cut by the middles of its edges, as weights of its corners.
-QUARTERS = np.array(
-    [
-        [[2, 0, 0], [1, 1, 0], [1, 0, 1]],
-        [[1, 1, 0], [0, 2, 0], [0, 1, 1]],
-        [[1, 0, 1], [0, 1, 1], [0, 0, 2]],
-        [[1, 1, 0], [0, 1, 1], [1, 0, 1]],
-    ]
-) / 2.0  # fmt: skip
+#: Width of a picture by PyVista [pixels]: twice what a figure has.
+PIXELS = 1200
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Triangles of a picture in space, and lines on them.
+
+    Attributes
+    ----------
+    points : ndarray, shape (p, 3)
+    triangles : ndarray, shape (t, 3)
+    colour : str or ndarray, shape (p,)
+        A colour, or a value of each point.
+    lines : ndarray, shape (s, 2, 3)
+    opacity : float
+    shaded : bool
+        Darker where it looks away from the light, where PyVista draws it.
+    """
+
+    points: Array
+    triangles: Index
+    colour: str | Array
+    lines: Array
+    opacity: float = 1.0
+    shaded: bool = True
+
+
+# -- parts ----------------------------------------------------------------------------------------
+
+
+def body_part(result: ContactResult, body: Body, seen: View, values: Array) -> Part:
+    """A displaced body with values at its nodes: outer faces of a solid, cells of a plane body."""
+    surface = body.surface(None)
+    places = seen.surface(result, surface)
+    if body.dim == 3:
+        of_dof = np.empty(body.n)
+        of_dof[body_nodes(body)] = values[:, None]
+        every = np.ones(len(surface.facets), dtype=bool)
+        lines = edge_lines(surface, places, surface.sharp_edges)
+        return faces_part(surface, every, places, of_dof[surface.dofs[:, 0]], lines)
+    nodes, cells = body_nodes(body), body_cells(body)[1]
+    x = seen.place(body.dof_points[nodes[:, 0]], result.displacement(body)[nodes])
+    lines = three(places[surface.facets][:, surface.kind.simplices].reshape(-1, 2)).reshape(-1, 2, 3)
+    return Part(three(x), cut_cells(cells), values, lines)
+
+
+def cut_cells(cells: Index) -> Index:
+    """Triangles between the nodes of plane cells."""
+    return np.concatenate([cells[:, local] for local in kind_of(3, cells.shape[1]).cut])
+
+
+def faces_part(
+    surface: ContactSurface, shown: Mask, places: Array, values: Array | str, lines: Array
+) -> Part:
+    """Some faces of a surface, curved as their shape functions are."""
+    nodes = surface.facets[shown]
+    cuts = max(2, int(np.ceil(np.sqrt(2000 / max(1, len(nodes))))))  # as smooth as a picture can show
+    at, triangles = _lattice(surface.kind, cuts)
+    N, _ = surface.kind.shapes(at)
+    x = np.einsum("qk,fkd->fqd", N, places[nodes]).reshape(-1, 3)
+    colour = values if isinstance(values, str) else np.einsum("qk,fk->fq", N, values[nodes]).ravel()
+    starts = len(at) * np.arange(len(nodes))[:, None, None]
+    return Part(x, (starts + triangles).reshape(-1, 3), colour, lines)
+
+
+def _lattice(kind: FacetKind, cuts: int) -> tuple[Array, Index]:
+    """Reference coordinates (q, 2) all over a face, and triangles (t, 3) between them."""
+    t = np.linspace(0.0, 1.0, cuts + 1)
+    at = np.stack(np.meshgrid(t, t, indexing="ij"), axis=-1).reshape(-1, 2)
+    i = np.arange(len(at)).reshape(cuts + 1, -1)
+    a, b, c, d = (part.ravel() for part in (i[:-1, :-1], i[1:, :-1], i[1:, 1:], i[:-1, 1:]))
+    triangles = np.concatenate([np.stack([a, b, d], axis=1), np.stack([b, c, d], axis=1)])
+    if kind.triangle:
+        triangles = triangles[at[triangles].sum(axis=2).max(axis=1) < 1.0 + COMPUTED]
+    used, triangles = np.unique(triangles, return_inverse=True)
+    return at[used], triangles.reshape(-1, 3)
+
+
+def edge_lines(surface: ContactSurface, places: Array, chosen: Mask) -> Array:
+    """Edges (f, corners) of faces as short straight lines (s, 2, 3)."""
+    kind = surface.kind
+    start = kind.locations[: kind.corners]
+    t = np.linspace(0.0, 1.0, 9 if kind.quadratic else 2)[:, None]
+    N, _ = kind.shapes((1 - t) * start[:, None] + t * np.roll(start, -1, axis=0)[:, None])
+    x = np.einsum("eqk,fkd->feqd", N, places[surface.facets])[chosen]
+    return np.stack([x[:, :-1], x[:, 1:]], axis=2).reshape(-1, 2, 3)
+
+
+def tool_parts(result: ContactResult, seen: View, box: Box) -> list[Part]:
+    """Rigid obstacles as far as they are in a box and near it; bodies are seen through them."""
+    room = AROUND * float(np.max(box[1] - box[0]))
+    parts = []
+    for points, cells in placed_tools(result, seen, box):
+        lines, x, triangles = np.zeros((0, 2, 3)), np.zeros((0, 3)), np.zeros((0, 3), dtype=int)
+        if points.shape[1] == 2:
+            lines = three(points)[cells]
+        else:
+            shown = _inside(points[cells], box[0] - room, box[1] + room)
+            fans = [p[[0, i, i + 1]] for p in shown for i in range(1, len(p) - 1)]
+            x = np.array(fans).reshape(-1, 3)
+            triangles = np.arange(len(x)).reshape(-1, 3)
+        if len(lines) or len(x):
+            parts.append(Part(x, triangles, TOOL, lines, 0.4))
+    return parts
+
+
+def _inside(x: Array, low: Array, high: Array) -> list[Array]:
+    """Cut off what is outside of a box from triangles (t, 3, 3): polygons (k, 3) are left."""
+    apart = np.any((x.max(axis=1) < low) | (x.min(axis=1) > high), axis=1)
+    whole = np.all((x >= low) & (x <= high), axis=(1, 2))
+    shown = list(x[whole])
+    for polygon in x[~whole & ~apart]:
+        for k in range(3):
+            for sign, bound in ((1.0, low[k]), (-1.0, high[k])):
+                polygon = _beyond(polygon, sign * (polygon[:, k] - bound))
+        if len(polygon) > 2:
+            shown.append(polygon)
+    return shown
+
+
+def _beyond(polygon: Array, height: Array) -> Array:
+    """The part of a convex polygon (k, 3) where heights (k,) are not negative."""
+    after, there = np.roll(height, -1), np.roll(polygon, -1, axis=0)
+    points = []
+    for i in range(len(polygon)):
+        if height[i] >= 0:
+            points.append(polygon[i])
+        if height[i] * after[i] < 0:
+            part = height[i] / (height[i] - after[i])
+            points.append(polygon[i] + part * (there[i] - polygon[i]))
+    return np.array(points).reshape(-1, 3)
+
+
+# -- pictures -------------------------------------------------------------------------------------
+
+
+def frame_of(viewer: Sequence[float] | Array, up: Sequence[float] | Array) -> Array:
+    """Unit vectors to the right, up and towards the viewer, as rows of (3, 3)."""
+    usage = "give a direction (x, y, z); viewer and up must not be parallel"
+    back, above = numbers(viewer, "viewer", usage), numbers(up, "up", usage)
+    if back.shape != (3,) or above.shape != (3,):
+        raise InputError(f"viewer has shape {back.shape} and up {above.shape}; {usage}")
+    right = np.cross(above, back)
+    if np.linalg.norm(right) <= COMPUTED * np.linalg.norm(back) * np.linalg.norm(above):
+        raise InputError(f"viewer is {back.tolist()} and up {above.tolist()}; {usage}")
+    rows = np.stack([right, np.cross(back, right), back])
+    return np.asarray(rows / np.linalg.norm(rows, axis=1)[:, None])
+
+
+def picture(
+    parts: list[Part],
+    ax: Any,
+    frame: Array,
+    cmap: str,
+    clim: tuple[float, float],
+    units: Mapping[str, str],
+) -> tuple[Any, Any]:
+    """Draw parts into plane axes: the axes, and what their bar of colours belongs to.
+
+    A point x stands at ``frame[:2] @ x`` of the axes.
+    """
+    ax = new_axes(ax, (7.0, 5.2))
+    if hasattr(ax, "zaxis"):
+        raise InputError(
+            "these axes are in space: give plain ones, figure.add_subplot(), and viewer=(x, y, z)"
+        )
+    image = colour_map(cmap, clim)
+    seen = np.concatenate([part.points for part in parts]) @ frame.T
+    low, high = seen[:, :2].min(axis=0), seen[:, :2].max(axis=0)
+    room = 0.03 * float(np.max(high - low))
+    low, high = low - room, high + room
+    pyvista = _pyvista()
+    if pyvista is None:
+        _paint(ax, parts, frame, image)
+    else:
+        pixels = _pixels(pyvista, parts, frame, image, (low, high), seen[:, 2])
+        ax.imshow(pixels, extent=(low[0], high[0], low[1], high[1]), zorder=1)
+    low[1] -= _triad(ax, frame, (low, high), units)
+    ax.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    ax.axis("off")
+    return ax, image
+
+
+def colour_map(cmap: str, clim: tuple[float, float]) -> Any:
+    """The colours of values, grey where there is none."""
+    from matplotlib.cm import ScalarMappable  # optional, and slow to import
+    from matplotlib.colors import Normalize
+
+    image = ScalarMappable(Normalize(*clim), cmap)
+    image.set_cmap(image.get_cmap().with_extremes(bad=PLAIN))
+    image.set_array(np.array(clim))
+    return image
+
+
+def _pyvista() -> Any:
+    """PyVista where it is installed and can draw: before VTK 9.4 it needs a display."""
+    try:
+        import pyvista  # optional, and slow to import
+    except ImportError:
+        return None
+    blind = sys.platform.startswith("linux") and not os.environ.get("DISPLAY")
+    return None if blind and pyvista.vtk_version_info < (9, 4) else pyvista
+
+
+def plotter_of(pyvista: Any, parts: list[Part], image: Any, off_screen: bool | None, **bar: Any) -> Any:
+    """A plotter with all parts; `bar`: of the bar of colours, none if there is nothing."""
+    from matplotlib.colors import to_hex  # which PyVista brings
+
+    plotter = pyvista.Plotter(off_screen=off_screen)
+    plotter.set_background("white")
+    low, high = image.get_clim()
+    for part in parts:
+        style: dict[str, Any] = {"opacity": part.opacity, "lighting": part.shaded}
+        if part.shaded:
+            style |= {"ambient": 0.6, "diffuse": 0.4}
+        mesh = pyvista.PolyData(part.points, np.insert(part.triangles, 0, 3, axis=1))
+        if isinstance(part.colour, str):
+            style["color"] = to_hex(part.colour)
+        else:
+            name = bar.get("title", "values")
+            mesh.point_data[name] = part.colour
+            style |= {"scalars": name, "clim": (low, high), "cmap": image.get_cmap().name}
+            style |= {"nan_color": PLAIN, "show_scalar_bar": bool(bar), "scalar_bar_args": bar or None}
+        if len(part.triangles):
+            plotter.add_mesh(mesh, **style)
+        if len(part.lines):
+            ends = np.arange(2 * len(part.lines)).reshape(-1, 2)
+            lines = pyvista.PolyData(part.lines.reshape(-1, 3), lines=np.insert(ends, 0, 2, axis=1))
+            plotter.add_mesh(lines, color=LINES, line_width=3.0)
+    return plotter
+
+
+def _pixels(
+    pyvista: Any, parts: list[Part], frame: Array, image: Any, shown: Box, depth: Array
+) -> NDArray[np.uint8]:
+    """The picture of a part of the plane of view, (height, width, 4)."""
+    size = shown[1] - shown[0]
+    middle = np.append(0.5 * (shown[0] + shown[1]), depth.mean())
+    centre, reach = middle @ frame, float(np.ptp(depth) + size.max())
+    behind = 0.002 * reach * frame[2]  # obstacles, so that faces that touch them are drawn
+    parts = [replace(p, points=p.points - behind) if p.opacity < 1 else p for p in parts]
+    with pyvista.vtk_verbosity("error"):  # VTK warns where it looks for a display in vain
+        plotter = plotter_of(pyvista, parts, image, True)
+        plotter.window_size = [max(1, int(s)) for s in PIXELS * size / size.max()]
+        camera = plotter.camera
+        camera.focal_point, camera.position, camera.up = centre, centre + 2 * reach * frame[2], frame[1]
+        camera.parallel_projection, camera.parallel_scale = True, 0.5 * float(size[1])
+        camera.clipping_range = reach, 3 * reach
+        plotter.enable_anti_aliasing("ssaa")
+        pixels = plotter.screenshot(return_img=True, transparent_background=True)
+        plotter.close()
+    return np.asarray(pixels)
+
+
+def _paint(ax: Any, parts: list[Part], frame: Array, image: Any) -> None:
+    """Triangles of one colour each, and lines as triangles without area, those behind first.
+
+    What bodies are seen through stands before them.
+    """
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import to_rgba
+
+    x, colours, widths, before = [], [], [], []
+    for part in parts:
+        corners, shade = part.points[part.triangles] @ frame.T, part.colour
+        if part.opacity == 1:  # what looks away is hidden
+            sides = corners[:, 1:, :2] - corners[:, :1, :2]
+            front = sides[:, 0, 0] * sides[:, 1, 1] > sides[:, 0, 1] * sides[:, 1, 0]
+        else:
+            front = np.ones(len(corners), dtype=bool)
+        values = shade if isinstance(shade, str) else shade[part.triangles[front]].mean(axis=1)
+        fill = to_rgba(values) if isinstance(values, str) else image.to_rgba(values)
+        x += [corners[front], part.lines[:, [0, 1, 1]] @ frame.T]
+        fill = np.broadcast_to(fill, (len(x[-2]), 4)) * np.array([1, 1, 1, part.opacity])
+        colours += [fill, np.tile(to_rgba(LINES), (len(part.lines), 1))]
+        widths += [np.full(len(fill), 0.3 * (part.opacity == 1)), np.full(len(part.lines), 0.8)]
+        before += [np.full(len(fill) + len(part.lines), part.opacity < 1)]
+    seen, every, width = (np.concatenate(some) for some in (x, colours, widths))
+    depth = seen[..., 2].mean(axis=1)
+    depth += 0.02 * np.ptp(depth) * (width > 0.5)  # lines are on the faces
+    order = np.lexsort([depth, np.concatenate(before)])
+    style: dict[str, Any] = {"facecolors": every[order], "edgecolors": every[order]}
+    drawn = PolyCollection(list(seen[order, :, :2]), linewidths=width[order], zorder=1, **style)
+    drawn.set_rasterized(True)
+    ax.add_collection(drawn)
+
+
+def _triad(ax: Any, frame: Array, shown: Box, units: Mapping[str, str]) -> float:
+    """Draw the three axes below the picture, with their length; the height that they take."""
+    low, high = shown
+    wish = 0.12 * float(np.max(high - low))
+    power = 10.0 ** np.floor(np.log10(wish))
+    length = power * max(k for k in ROUND if k * power <= wish * (1 + COMPUTED))
+    ends = length * frame[:2].T  # of x, y and z in the plane of view
+    start = low - np.minimum(ends.min(axis=0), 0.0)
+    height = float(np.ptp(np.append(ends[:, 1], 0.0))) + 0.3 * wish
+    start[1] -= height - 0.15 * wish
+    for name, end in zip("xyz", ends, strict=True):
+        if np.linalg.norm(end) > 0.1 * length:
+            tip = {"arrowstyle": "-|>", "color": LINES, "lw": 0.8, "shrinkA": 0, "shrinkB": 0}
+            ax.annotate("", start + end, start, arrowprops=tip, annotation_clip=False)
+            at = start + (1.0 + 0.2 * wish / np.linalg.norm(end)) * end
+            ax.text(*at, name, color=LINES, ha="center", va="center", fontsize="small")
+    place = low[0] + float(np.ptp(np.append(ends[:, 0], 0.0))) + 0.5 * wish, low[1] - 0.5 * height
+    ax.text(*place, quantity(length, "length", units), va="center", fontsize="small", color=LINES)
+    return height + 0.15 * wish
+
+
+# -- one contact ----------------------------------------------------------------------------------
 
 
 def draw_contact(values: ContactValues, ax: Any, units: Mapping[str, str]) -> Any:
     """The secondary surface around what touches, coloured by pressure, seen from the other side."""
-    surface = values.surface
-    closed = values.status != 0
+    surface, closed = values.surface, values.status != OPEN
     shown = _near(surface, closed)
-    eye = _eye(surface, shown, closed)
-    ax = solid_axes(ax, (7.0, 5.2))
-    x, colour = _pieces(surface, shown, surface.points, values.pressure)
-    image = _faces(ax, x, colour, "YlGnBu", (0.0, float(values.pressure.max(initial=0.0))))
-    seen = shown & (surface.facet_normals @ eye > 0)
-    _edges(ax, surface, seen, surface.points)
+    frame = _facing(surface, shown, closed)
+    facing = shown & (surface.facet_normals @ frame[2] > 0)
+    edges = edge_lines(
+        surface, surface.points, np.repeat(facing[:, None], surface.kind.corners, axis=1)
+    )
+    part = faces_part(surface, shown, surface.points, values.pressure, np.zeros((0, 2, 3)))
+    largest = float(values.pressure.max(initial=0.0))
+    part = replace(part, shaded=False)  # colours are those of the bar
+    ax, image = picture([part], ax, frame, "YlGnBu", (0.0, largest), units)
+    _lines(ax, edges @ frame[:2].T, colors=LINES, linewidths=0.3, alpha=0.6)
     if len(values.contact_edges):
-        _lines(ax, values.contact_edges, color="black", lw=1.4, label="edge of contact")
-    _states(ax, values, seen, surface, units)
-    colour_bar(ax, image, labelled("pressure", "stress", units), shrink=0.7, pad=0.13)
-    _look(ax, x.reshape(-1, 3), eye)
+        rim = values.contact_edges @ frame[:2].T
+        _lines(ax, rim, colors="black", linewidths=1.4, label="edge of contact")
+    _states(ax, values, facing, frame, units)
+    colour_bar(ax, image, labelled("pressure", "stress", units), shrink=0.7, pad=0.02)
     ax.set_title(f"{values.name}: {surface.label}, seen from the other side", fontsize="medium")
     if not closed.any():
-        note(ax, [open_words(values, units)])
-    for axis in "xyz":
-        if getattr(ax, f"get_{axis}label")():
-            ax.set(**{f"{axis}label": labelled(axis, "length", units)})
-    if ax.get_legend_handles_labels()[1]:  # below, where neither faces nor axes are
+        note(ax, [open_words(values, units)], part.points @ frame[:2].T)
+    if ax.get_legend_handles_labels()[1]:  # below, where nothing is drawn
         below = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 0.2}
         ax.legend(**below, frameon=False, fontsize="small")
     return ax
 
 
-def draw_bodies(
-    result: ContactResult, seen: View, colours: list[Array], ax: Any, cmap: str, obstacles: bool
-) -> tuple[Any, Any, Box]:
-    """The outer faces of all bodies, displaced; `colours` per node of every boundary.
+def _lines(ax: Any, lines: Array, **style: Any) -> None:
+    from matplotlib.collections import LineCollection
 
-    Returns the axes, what the colour bar belongs to, and the box that is shown.
-    """
-    ax = solid_axes(ax, (7.0, 5.2))
-    eye = _tilted(ASIDE, np.array([0.0, 0.0, 1.0]))
-    parts, shades, outlines = [], [], []
-    for body, colour in zip(result.system.solids.values(), colours, strict=True):
-        surface = body.surface(None)
-        places = seen.surface(result, surface)
-        every = np.ones(len(surface.facets), dtype=bool)
-        x, shade = _pieces(surface, every, places, colour)
-        # what looks away is hidden by the body itself
-        front = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]) @ eye > 0
-        parts.append(x[front])
-        shades.append(shade[front])
-        outlines.append(_outline(surface, places, eye))
-    low, high = limits(colours)
-    x = np.concatenate(parts)
-    lines = np.concatenate(outlines) + 0.02 * float(np.ptp(x.reshape(-1, 3), axis=0).max()) * eye
-    image = _faces(ax, x, np.concatenate(shades), cmap, (low, high), lines)
-    box = x.min(axis=(0, 1)), x.max(axis=(0, 1))
-    if obstacles:
-        box = with_tools(result, seen, box)
-    _look(ax, np.stack(box), eye)
-    return ax, image, box
-
-
-def _pieces(surface: ContactSurface, shown: Mask, places: Array, values: Array) -> tuple[Array, Array]:
-    """Triangles (t, 3, 3) of some faces, and the value at the middle of each, (t,)."""
-    kind = surface.kind
-    nodes = surface.facets[shown]
-    x, v = places[nodes], values[nodes]
-    if kind.centreless:
-        N, _ = kind.shapes(kind.middle)
-        x = np.concatenate([x, np.einsum("k,fkd->fd", N, x)[:, None]], axis=1)
-        v = np.concatenate([v, v[:, -4:].mean(axis=1)[:, None]], axis=1)
-    x, v = x[:, kind.simplices].reshape(-1, 3, 3), v[:, kind.simplices].reshape(-1, 3)
-    while len(x) < 4000:  # as smooth as a picture can show
-        x = np.einsum("qik,tkd->tqid", QUARTERS, x).reshape(-1, 3, 3)
-        v = np.einsum("qik,tk->tqi", QUARTERS, v).reshape(-1, 3)
-    return x, v.mean(axis=1)
-
-
-def _outline(surface: ContactSurface, places: Array, eye: Array) -> Array:
-    """Sharp edges of faces that look at the viewer, cut as finely as the faces, (s, 2, 3)."""
-    edges = surface.kind.edges
-    chain = surface.facets[:, edges[:, [0, 2, 1]] if edges.shape[1] == 3 else edges]
-    x = places[surface.facets[:, : surface.kind.corners]]
-    front = np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1]) @ eye > 0
-    x = places[chain[surface.sharp_edges & front[:, None]]]
-    x = np.concatenate([x[:, :2], x[:, 1:]]) if x.shape[1] == 3 else x
-    part = np.linspace(0.0, 1.0, 9)[:, None, None]
-    points = (1 - part) * x[:, 0] + part * x[:, 1]
-    return np.stack([points[:-1], points[1:]], axis=2).reshape(-1, 2, 3)
-
-
-def _faces(
-    ax: Any,
-    x: Array,
-    values: Array,
-    cmap: str,
-    limits: tuple[float, float],
-    lines: Array | None = None,
-) -> Any:
-    """Triangles (t, 3, 3) with a colour each, and lines (s, 2, 3) among them."""
-    from matplotlib.cm import ScalarMappable  # optional, and slow to import
-    from matplotlib.colors import Normalize, to_rgba
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    image = ScalarMappable(Normalize(*limits), cmap)
-    image.set_cmap(image.get_cmap().with_extremes(bad=PLAIN))
-    colours = image.to_rgba(values)
-    # an edge of the same colour closes the gaps between neighbours
-    drawn, widths = x, np.full(len(x), 0.3)
-    if lines is not None and len(lines):  # as triangles without area, to be hidden by what is before
-        drawn = np.concatenate([x, lines[:, [0, 1, 1]]])
-        dark = np.tile(to_rgba(LINES), (len(lines), 1))
-        colours, widths = np.concatenate([colours, dark]), np.append(widths, np.full(len(lines), 0.8))
-    faces = Poly3DCollection(
-        list(drawn), facecolors=colours, edgecolors=colours, linewidths=widths, zorder=1
-    )
-    faces.set_rasterized(True)
-    ax.add_collection3d(faces)
-    image.set_array(values)
-    return image
-
-
-def _edges(ax: Any, surface: ContactSurface, shown: Mask, places: Array) -> None:
-    """The edges of some faces, each once."""
-    edges = surface.facets[shown][:, surface.kind.edges].reshape(-1, surface.kind.edges.shape[1])
-    chain = edges[:, [0, 2, 1]] if edges.shape[1] == 3 else edges
-    _, first = np.unique(np.sort(chain, axis=1), axis=0, return_index=True)
-    if len(first):
-        _lines(ax, places[chain[first]], color=LINES, lw=0.3, alpha=0.6)
-
-
-def _lines(ax: Any, segments: Array, label: str | None = None, **style: Any) -> None:
-    from mpl_toolkits.mplot3d.art3d import Line3DCollection  # as above
-
-    lines = Line3DCollection(list(segments), zorder=3, colors=style.pop("color"), **style)
-    lines.set_linewidth(style.get("lw", 1.0))
-    lines.set_label(label or "_lines")
-    ax.add_collection3d(lines)
+    ax.add_collection(LineCollection(list(lines), zorder=3, **style))
 
 
 def _states(
-    ax: Any, values: ContactValues, seen: Mask, surface: ContactSurface, units: Mapping[str, str]
+    ax: Any, values: ContactValues, facing: Mask, frame: Array, units: Mapping[str, str]
 ) -> None:
     """Draw points that stick as dots, points that slip as arrows of their friction."""
     if values.contact.friction is None:
         return
-    there = np.zeros(len(values.points), dtype=bool)
-    there[surface.facets[seen]] = True
+    there, at = np.zeros(len(values.points), dtype=bool), values.points @ frame[:2].T
+    there[values.surface.facets[facing]] = True
     stuck = there & (values.status == STICK)
     if stuck.any():
-        ax.scatter(
-            *values.points[stuck].T, s=14, color=STUCK, zorder=4, label="sticks", depthshade=False
-        )
+        ax.scatter(*at[stuck].T, s=14, color=STUCK, zorder=4, label="sticks")
     pressing = np.einsum("ik,ik->i", values.traction, values.normal)
     friction = values.traction - pressing[:, None] * values.normal
     size = np.linalg.norm(friction, axis=1)
     slipping = np.where(there & (values.status == SLIP), size, 0.0)
     slips = arrow_heads(slipping, float(size.max(initial=0.0)), 120)
     if len(slips):
-        extent = float(np.ptp(surface.points[surface.facets[seen]].reshape(-1, 3), axis=0).max())
-        arrow = LONGEST * extent / size.max() * friction[slips]
+        arrow = (
+            LONGEST
+            * float(np.ptp(at[there], axis=0).max())
+            / size.max()
+            * friction[slips]
+            @ frame[:2].T
+        )
         longest = quantity(float(size.max()), "stress", units)
         ax.quiver(
-            *(values.points[slips] - 0.5 * arrow).T, *arrow.T, color=FRICTION, lw=1.3, zorder=4,
-            arrow_length_ratio=0.4, label=f"slips: friction on this side, up to {longest}",
+            *(at[slips] - 0.5 * arrow).T, *arrow.T, angles="xy", scale_units="xy", scale=1.0,
+            color=FRICTION, width=1.0, units="dots", headwidth=4.5, zorder=4,
         )  # fmt: skip
+        ax.plot([], [], color=FRICTION, label=f"slips: friction on this side, up to {longest}")
 
 
 def _near(surface: ContactSurface, closed: Mask) -> Mask:
@@ -234,61 +439,16 @@ def _near(surface: ContactSurface, closed: Mask) -> Mask:
     return np.asarray(np.all((middle >= low - margin) & (middle <= high + margin), axis=1))
 
 
-def _eye(surface: ContactSurface, shown: Mask, closed: Mask) -> Array:
-    """Towards the viewer: out of the faces, a little aside and above."""
+def _facing(surface: ContactSurface, shown: Mask, closed: Mask) -> Array:
+    """Half a radian off from what looks out of the faces: enough to see that it is no plane picture."""
     touching = shown & closed[surface.facets].any(axis=1)
     some = touching if touching.any() else shown
     normal = (surface.facet_areas[some, None] * surface.facet_normals[some]).sum(axis=0)
     size = float(np.linalg.norm(normal))
-    normal = normal / size if size > 0 else np.array([0.0, 0.0, 1.0])
-    aside = ASIDE - (ASIDE @ normal) * normal
+    normal = normal / size if size > 0 else np.array(UP)
+    viewer = np.array(VIEWER) * (1.0, 1.0, 0.0) / np.hypot(*VIEWER[:2])
+    aside = viewer - (viewer @ normal) * normal
     if np.linalg.norm(aside) < 0.3:  # seen from the side: a little above
-        aside = np.array([0.0, 0.0, 1.0]) - normal[2] * normal
-    return _tilted(normal, aside / np.linalg.norm(aside))
-
-
-def _tilted(normal: Array, aside: Array) -> Array:
-    """A direction half a radian off another: far enough to see that it is no plane picture."""
-    return np.asarray(np.cos(0.5) * normal + np.sin(0.5) * aside)
-
-
-def _look(ax: Any, points: Array, eye: Array) -> None:
-    """Limits round the points, equal scales, seen from a direction."""
-    from matplotlib.ticker import MaxNLocator  # as above
-
-    low, high = points.min(axis=0), points.max(axis=0)
-    least = 0.1 * float(np.max(high - low))  # a flat face has no height
-    room = np.maximum(0.5 * (least - (high - low)), 0.0)
-    low, high = low - room, high + room
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    ax.set_box_aspect(high - low, zoom=ZOOM)
-    ax.view_init(
-        elev=float(np.degrees(np.arcsin(eye[2]))), azim=float(np.degrees(np.arctan2(eye[1], eye[0])))
-    )
-    ax.set(xlabel="x", ylabel="y", zlabel="z")
-    ax.tick_params(labelsize="small")
-    size = (high - low) / float(np.max(high - low))
-    for axis, length, room in zip(
-        (ax.xaxis, ax.yaxis, ax.zaxis), size, _beside(size, eye), strict=True
-    ):
-        if length > 0.2:  # without the ends, where labels of two axes meet
-            axis.set_major_locator(MaxNLocator(5 if length > 0.4 else 3, prune="both"))
-            axis.labelpad = LABELS / room - 21.0
-            axis.set_tick_params(pad=TICKS / room - 8.0)
-        else:  # a flat face: nothing to read off
-            axis.set_ticks([])
-            axis.set_label_text("")
-
-
-def _beside(size: Array, eye: Array) -> Array:
-    """How far from an axis matplotlib sets its labels, over the diagonal of the box, per point of pad.
-
-    It moves them along the other two sides, by parts of their lengths: of a slender box hardly at all.
-    """
-    seen = np.eye(3) - np.outer(eye, eye)  # the unit vectors of the axes as the viewer sees them
-    found = np.empty(3)
-    for k in range(3):
-        along = seen[k] / max(float(np.linalg.norm(seen[k])), 1e-6)
-        across = np.linalg.norm(np.cross(seen, along), axis=1) * size
-        found[k] = np.sqrt(np.sum(np.delete(across, k) ** 2)) / np.linalg.norm(size)
-    return np.maximum(found, 0.02)
+        aside = np.array(UP) - normal[2] * normal
+    eye = np.cos(0.5) * normal + np.sin(0.5) * aside / np.linalg.norm(aside)
+    return frame_of(eye, UP)

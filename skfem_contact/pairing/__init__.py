@@ -1,14 +1,12 @@
 """The pairing: points of one surface on the facets of another, in the plane and in space.
 
 * `search`: which facets can meet a point; `vectors`: products, ragged ranges, entries of weights;
-* `projection`: closest points of facets; `joints`: what leads along a surface from edges and corners;
+* `projection`: closest points of facets, and what leads along a surface from edges and corners;
 * `closest`, `node`: closest points of surfaces, and node-to-segment contact;
-* `control`: rows of quadratic faces whose nodal forces have no sign;
-* `vertices`, `corners`: convex corners of curves, what they meet, and the rows of that;
+* `corners`: convex corners of curves, what they meet, and the rows of that;
 * `mortar`: dual mortar contact: the rows, their normals and gaps, in steps:
-  `pieces`: what meets on a piece of the interface, and the integrals over them;
-  `segmentation` finds them between curves, as intervals;
-  `face_segmentation` between faces, as polygons (`cells`: plane parts of faces; `clipping`);
+  `segmentation` finds the pieces on which facet meets facet, and integrates over them
+  (`cells`: plane parts of facets; `clipping`: polygons, and intervals of curves);
   `dual`, `supports`: multipliers, and what supports change of them;
 * `smooth`, `bulges`: smooth boundaries of facets, and what they change of rows;
 * `frames`: the frames of small sliding, weighted by the compliances of both sides;
@@ -24,18 +22,15 @@ __getattr__, __dir__ = entrances(
     {
         "clipping": "Polygons clip nearest_parts several_sheets signed_areas",
         "closest": "closest_facets",
-        "corners": "corner_contacts unselected_sides",
+        "corners": "corner_contacts Corners unselected_sides",
         "diagnosis": "diagnose",
         "dual": "DualBasis dual_basis node_rows positive_functions",
-        "face_segmentation": "segment",
         "frames": "plane_moduli",
-        "joints": "rim_points",
         "mortar": "dual_mortar least_gaps",
         "node": "gap_vectors node_to_segment Pairing",
-        "pieces": "whole_shares",
-        "projection": "interpolated_normals project",
+        "projection": "interpolated_normals project rim_points",
+        "segmentation": "segment whole_shares",
         "search": "FacetTree closest_candidates",
         "supports": "along_supports",
-        "vertices": "Corners",
     },
 )

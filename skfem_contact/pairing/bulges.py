@@ -9,18 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.normals import across, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.smooth import Heights, Place, curved_pairs, heights
-from skfem_contact.pairing.vectors import dot, without_round_off
+from skfem_contact.pairing.vectors import assembled, without_round_off
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +112,6 @@ class Bulges:
 #: The share of distances where heights count and curvatures have nothing in common.
 TINY = float(np.finfo(float).tiny)
 
-#: Parts of pieces, and the numbers of these.
-Parts = Sequence[tuple[Index, Bulges]]
-
 
 def _moves(place: Place, v: Array, found: Heights, weights: tuple[Array, Array], first: Index) -> Array:
     """``int N_i G_j`` of the nodes of the primary's facets over pieces, (k, k', d, d, p).
@@ -187,56 +180,6 @@ def _gradients(place: Place) -> tuple[Array, Array]:
     return np.einsum("kap,adp->kdp", slopes, dual), np.ascontiguousarray(normal.T)
 
 
-def bulged(
-    secondary: ContactSurface,
-    primary: ContactSurface,
-    parts: Parts,
-    pieces: tuple[Index, Array],
-    A: Array,
-    normal: Array,
-    rows: tuple[Array, Mask],
-) -> tuple[Array | None, Array | None, bsr_matrix | None]:
-    """Return the change of weighted gaps (m,), `Pairing.smooth`, and the movement; None if nothing.
-
-    As far as curvatures agree the weighted gap is the mean of distances, not of vectors whose
-    directions differ.
-
-    Parameters
-    ----------
-    secondary, primary : ContactSurface
-    parts : sequence of (ndarray, Bulges)
-        Parts of pieces, and the numbers of these.
-    pieces : (ndarray, ndarray), shapes (p,) and (p, k, d)
-        Facets of the secondary of the pieces, and ``int N_i (x_s - x_p)`` between facets.
-    A : ndarray, shape (nf, k, k)
-        The multipliers of each facet in its shape functions.
-    normal : ndarray, shape (m, d)
-    rows : (ndarray, ndarray), shape (m,)
-        What rows are divided by [area], and which there are.
-    """
-    if not parts:
-        return None, None, None
-    (by, there), (e, apart) = rows, pieces
-    m, count, faces = len(by), len(e), secondary.facets
-    alike, area = (
-        sum(np.bincount(piece, getattr(part, name), count) for piece, part in parts)
-        for name in ("alike", "area")
-    )
-    alike = np.maximum(np.divide(alike, area, out=np.zeros(count), where=area > 0), TINY)
-    vectors = dot(A[e] @ apart, normal[faces[e]])
-    total = -np.bincount(faces[e].ravel(), (alike[:, None] * vectors).ravel(), m)
-    for piece, part in parts:
-        scalar = alike[piece, None] * part.gap - part.height
-        total += np.bincount(part.node.ravel(), (A[part.e] @ scalar[..., None]).ravel(), m)
-    change = np.divide(total, by, out=np.zeros(m), where=there)
-    smooth = np.zeros(m)
-    acts = A[e].any(axis=2)
-    np.maximum.at(smooth, faces[e][acts], np.broadcast_to(alike[:, None], acts.shape)[acts])
-    blocks = [part.blocks(primary, A) for _, part in parts if part.move is not None]
-    bulge = block_matrix(blocks, (m, len(primary.points)), rows) if blocks else None
-    return change, smooth, bulge
-
-
 def bulged_nodes(
     secondary: ContactSurface,
     primary: ContactSurface,
@@ -295,14 +238,4 @@ def block_matrix(
     by, there = rows
     here = there[row]
     row, column, data = (np.compress(here, x, axis=-1) for x in (row, column, data))
-    data /= by[row]
-    key = row * shape[1] + column
-    order = np.argsort(key, kind="stable")
-    first = np.flatnonzero(np.diff(key[order], prepend=-1))
-    if not len(first):
-        return None
-    d = len(data)
-    blocks = np.add.reduceat(np.take(data, order, axis=-1), first, axis=-1).transpose(2, 0, 1)
-    row, column = row[order][first], column[order][first]
-    start = np.searchsorted(row, np.arange(shape[0] + 1))
-    return bsr_matrix((blocks, column, start), shape=(shape[0] * d, shape[1] * d))
+    return assembled((row, column), data / by[row], shape) if len(row) else None

@@ -1,8 +1,9 @@
-r"""Cells: nearly plane parts of faces, each with a plane of its own and the normal field over it.
+r"""Cells: nearly plane parts of facets, each with a plane of its own and the normal field over it.
 
 A plane face with straight edges is one cell, a curved one four (in its reference coordinates: cut
-between the middles of its edges). A cell is a triangle or a quadrilateral, and its *plane* goes
-through the mean of its corners. The points x of a surface meet what lies on the lines
+between the middles of its edges), a straight line one and a curved one two. A cell is a line, a
+triangle or a quadrilateral, and its *plane*, for lines itself a line, goes through the mean of its
+corners. The points x of a surface meet what lies on the lines
 
     y = x + alpha n(x),        n = sum_k N_k n_k,
 
@@ -14,8 +15,8 @@ it (zero but for warped quadrilaterals), that is
     X + alpha v(X) = Y,      w(X) + alpha c(X) = H
 
 for y at the place Y and the height H. Where normals are parallel this is the projection itself. The
-functions are linear on triangles. On quadrilaterals they are bilinear like the faces; beyond the
-edges they go on linearly, as fitted to the corners: only where edges of the primary enter a cell
+functions are linear on lines and triangles. On quadrilaterals they are bilinear like the faces; beyond
+the edges they go on linearly, as fitted to the corners: only where edges of the primary enter a cell
 matters there.
 """
 
@@ -24,20 +25,17 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.facet_kinds import FacetKind
+from skfem_contact.bodies.normals import across, cross, sizes, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.pairing.clipping import signed_areas
 from skfem_contact.pairing.search import FacetTree, Nodes
 from skfem_contact.pairing.thresholds import FACING, MARGIN, NEWTON_STEPS, SETTLED
-from skfem_contact.pairing.vectors import ragged
+from skfem_contact.pairing.vectors import dot, ragged
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 # With these signs the corners of a parallelogram add up to zero.
 SADDLE = np.array([1.0, -1.0, 1.0, -1.0])
@@ -54,20 +52,20 @@ class Cells:
     Attributes
     ----------
     kind : FacetKind
-        That of a linear face with the corners of a cell, "tri3" or "quad4".
+        That of a linear facet with the corners of a cell, "line2", "tri3" or "quad4".
     facet : ndarray of int, shape (nc,)
-        The face that each cell is part of.
-    reference : ndarray, shape (nc, c, 2)
-        Corners in the reference coordinates of the face.
-    origin, axes : ndarray, shapes (nc, 3) and (nc, 3, 3)
-        Of each cell's coordinates: two axes in its plane, and its outward normal.
-    corners, normals : ndarray, shape (nc, c, 3)
+        The facet that each cell is part of.
+    reference : ndarray, shape (nc, c, d-1)
+        Corners in the reference coordinates of the facet.
+    origin, axes : ndarray, shapes (nc, d) and (nc, d, d)
+        Of each cell's coordinates: axes in its plane, and its outward normal.
+    corners, normals : ndarray, shape (nc, c, d)
         Positions of the corners and outward unit normals there, both in the cell's coordinates.
     plane : ndarray of bool, shape (nc,)
-        Whether the face is plane with straight edges.
+        Whether the facet is plane with straight edges.
     shape : ndarray of int, shape (nc,)
-        `AFFINE`: a plane triangle or parallelogram, on which shape functions are polynomials; `PART` of
-        a curved face; or `SKEW`: another quadrilateral.
+        `AFFINE`: a line, plane triangle or parallelogram, on which shape functions are polynomials;
+        `PART` of a curved facet; or `SKEW`: another quadrilateral.
     """
 
     kind: FacetKind
@@ -82,42 +80,42 @@ class Cells:
 
     @classmethod
     def of(cls, surface: ContactSurface) -> Cells:
-        """Cut the faces of a surface into cells."""
-        kind = surface.kind
+        """Cut the facets of a surface into cells."""
+        kind, c = surface.kind, surface.kind.corners
         straight = _straight(surface)
         whole, cut, parts = np.flatnonzero(straight), np.flatnonzero(~straight), quarters(kind)
         facet = np.concatenate([whole, np.repeat(cut, len(parts))])
         reference = np.concatenate(
             [
-                np.broadcast_to(kind.locations[: kind.corners], (len(whole), kind.corners, 2)),
+                np.broadcast_to(kind.locations[:c], (len(whole), c, kind.dim)),
                 np.tile(parts, (len(cut), 1, 1)),
             ]
         )
         N, _ = kind.shapes(reference)
         x = N @ surface.points[surface.facets[facet]]
-        normals = N @ surface.facet_node_normals[facet]
-        normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+        normals = unit(N @ surface.facet_node_normals[facet])
         origin, axes = _planes(x)
         turn = np.swapaxes(axes, 1, 2)
         corners = (x - origin[:, None]) @ turn
-        round_off = SOLVED * np.linalg.norm(corners, axis=2).max(axis=1)
-        plane = straight[facet] & (np.abs(corners[:, :, 2]).max(axis=1) <= round_off)
+        round_off = SOLVED * sizes(corners).max(axis=1)
+        plane = straight[facet] & (np.abs(corners[:, :, -1]).max(axis=1) <= round_off)
         shape = np.where(straight[facet], AFFINE, PART)
-        if kind.corners == 4:
+        if c == 4:
             skew = np.linalg.norm(np.einsum("c,ncd->nd", SADDLE, corners), axis=1) > round_off
             shape[straight[facet] & skew] = SKEW
         return cls(kind.linear, facet, reference, origin, axes, corners, normals @ turn, plane, shape)
 
     @cached_property
     def positions(self) -> Array:
-        """Corners in space, shape (nc, c, 3)."""
+        """Corners in space, shape (nc, c, d)."""
         return self.origin[:, None] + self.corners @ self.axes
 
     def local(self, cell: Index, y: Array) -> Array:
-        """Points (p, ..., 3) in the coordinates of cells (p,)."""
-        shape = (len(cell), int(np.prod(y.shape[1:-1])), 3)
-        away = y.reshape(shape) - self.origin.take(cell, axis=0)[:, None]
-        return (away @ self._turns.take(cell, axis=0)).reshape(y.shape)
+        """Points (p, d) or (p, n, d) in the coordinates of cells (p,)."""
+        origin, turns = self.origin.take(cell, axis=0), self._turns.take(cell, axis=0)
+        if y.ndim == 2:
+            return np.einsum("pi,pij->pj", y - origin, turns)
+        return np.asarray((y - origin[:, None]) @ turns)
 
     @cached_property
     def _turns(self) -> Array:
@@ -126,21 +124,26 @@ class Cells:
 
     @cached_property
     def areas(self) -> Array:
-        """Areas in the planes, shape (nc,)."""
-        return signed_areas(self.corners[..., :2])
+        """Areas in the planes, of lines lengths, shape (nc,)."""
+        return signed_areas(self.corners[..., :-1])
+
+    @cached_property
+    def sizes(self) -> Array:
+        """Sides of squares of these areas, shape (nc,) [length]."""
+        return np.sqrt(self.areas) if self.kind.dim == 2 else self.areas
 
     @cached_property
     def parallel(self) -> Mask:
         """Cells whose normals are all that of their plane, shape (nc,)."""
-        return np.asarray(np.abs(self.normals[..., :2]).max(axis=(1, 2)) <= COMPUTED)
+        return np.asarray(np.abs(self.normals[..., :-1]).max(axis=(1, 2)) <= COMPUTED)
 
     @cached_property
     def _fields(self) -> tuple[Array, Array]:
-        """v, c and w: values at the origin and slopes (nc, 3, 4); what corners have more (nc, c, 4)."""
-        at = self.corners[:, :, :2]
+        """v, c and w: values at the origin and slopes (nc, d, d+1); what corners have more."""
+        at = self.corners[:, :, :-1]
         design = np.concatenate([np.ones_like(at[:, :, :1]), at], axis=2)
-        values = np.concatenate([self.normals, self.corners[:, :, 2:]], axis=2)
-        scale = np.sqrt(self.areas)[:, None, None] ** np.array([0.0, 1.0, 1.0])
+        values = np.concatenate([self.normals, self.corners[:, :, -1:]], axis=2)
+        scale = self.sizes[:, None, None] ** np.minimum(np.arange(at.shape[2] + 1.0), 1.0)
         across = np.swapaxes(design / scale, 1, 2)
         linear = np.linalg.solve(across @ design, across @ values)
         return linear, values - design @ linear
@@ -151,35 +154,37 @@ class Cells:
         Parameters
         ----------
         cell : ndarray of int, shape (p,)
-        local : ndarray, shape (p, n, 3)
+        local : ndarray, shape (p, n, d)
             Points in the coordinates of the cells.
 
         Returns
         -------
-        ndarray, shape (p, n, 2)
+        ndarray, shape (p, n, d-1)
             Places in the planes; ``nan`` beyond the focus of a hollow surface, where normals have
             crossed.
         """
+        if self.parallel.all():
+            return local[..., :-1]
         local = np.ascontiguousarray(local.T)  # component by component: long sums
-        Y, H = local[:2], local[2]
+        Y, H, dim = local[:-1], local[-1], self.kind.dim
         linear, more, limits = (
             np.take(x.transpose(1, 2, 0), cell, axis=-1) for x in (*self._fields, self._limits)
         )
         at_zero, slope, (least, most) = linear[0, :, None], linear[1:, :, None], limits[:, :, None]
-        size = np.sqrt(self.areas[cell])
+        size = self.sizes[cell]
         bent = self.kind.corners == 4 and np.abs(more).max(initial=0.0) > COMPUTED
         alpha, X = H, Y
         for _ in range(NEWTON_STEPS):
             field = at_zero
             if bent:
                 inside = np.clip(
-                    local_coordinates(self.corners[cell, :, :2], np.moveaxis(X, 0, -1)), 0.0, 1.0
+                    local_coordinates(self.corners[cell, :, :-1], np.moveaxis(X, 0, -1)), 0.0, 1.0
                 )
                 field = at_zero + np.einsum("npk,kcp->cnp", self.kind.shapes(inside)[0], more)
-            turn = np.eye(2)[..., None, None] + alpha * np.swapaxes(slope[:, :2], 0, 1)
-            new_X = _solve(turn, Y - alpha * field[:2])
+            turn = np.eye(dim)[..., None, None] + alpha * np.swapaxes(slope[:, :dim], 0, 1)
+            new_X = _solve(turn, Y - alpha * field[:dim])
             # beyond a cell only its own lines matter: their slopes and heights are no others there
-            there = field[2:] + new_X[0] * slope[0, 2:] + new_X[1] * slope[1, 2:]
+            there = field[dim:] + sum(x * rise for x, rise in zip(new_X, slope[:, dim:], strict=True))
             there = np.clip(there, least, most)
             new = (H - there[1]) / there[0]
             change = np.abs(new - alpha) + np.linalg.norm(new_X - X, axis=0)
@@ -191,33 +196,33 @@ class Cells:
     @cached_property
     def _limits(self) -> Array:
         """Least and largest c and w at the corners, shape (nc, 2, 2)."""
-        values = np.stack([self.normals[..., 2], self.corners[..., 2]], axis=2)
+        values = np.stack([self.normals[..., -1], self.corners[..., -1]], axis=2)
         values[..., 0] = np.maximum(values[..., 0], FACING)
         return np.stack([values.min(axis=1), values.max(axis=1)], axis=1)
 
 
 def _straight(surface: ContactSurface) -> Mask:
-    """Faces whose edges are straight, with the other nodes and their normals in the middles, (nf,)."""
+    """Facets whose edges are straight, with the other nodes and their normals in the middles, (nf,)."""
     kind = surface.kind
     if not kind.quadratic:
         return np.ones(len(surface.facets), dtype=bool)
     N, _ = kind.linear.shapes(kind.locations)
     x, normals = surface.points[surface.facets], surface.facet_node_normals
-    off = np.linalg.norm(x - N @ x[:, : kind.corners], axis=2).max(axis=1)
-    mean = N @ normals[:, : kind.corners]
-    mean /= np.linalg.norm(mean, axis=2, keepdims=True)
-    bend = np.linalg.norm(normals - mean, axis=2).max(axis=1)
+    off = sizes(x - N @ x[:, : kind.corners]).max(axis=1)
+    bend = sizes(normals - unit(N @ normals[:, : kind.corners])).max(axis=1)
     return np.asarray((off <= SOLVED * surface.lengths) & (bend <= SOLVED))
 
 
 def quarters(kind: FacetKind) -> Array:
-    """Reference coordinates of the corners of the four parts of a face, (4, c, 2).
+    """Reference coordinates of the corners of the parts of a facet, (4, c, 2), of a line (2, 2, 1).
 
     >>> from skfem_contact.bodies.facet_kinds import kind_of
     >>> quarters(kind_of(3, 6))[3].tolist()
     [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]
     """
     corner = kind.locations[: kind.corners]
+    if kind.dim == 1:
+        return np.array([[corner[0], kind.middle], [kind.middle, corner[1]]])
     middle = 0.5 * (corner + np.roll(corner, -1, axis=0))
     if kind.corners == 3:
         return np.array([*([corner[i], middle[i], middle[i - 1]] for i in range(3)), middle])
@@ -226,7 +231,9 @@ def quarters(kind: FacetKind) -> Array:
 
 
 def _solve(matrix: Array, right: Array) -> Array:
-    """Solve equations with matrices (2, 2, ...); ``nan`` unless both eigenvalues are positive."""
+    """Solve (d-1, d-1, ...) equations; ``nan`` unless all eigenvalues are positive."""
+    if len(matrix) == 1:
+        return np.asarray(right / np.where(matrix[0] > 0, matrix[0], np.nan))
     (a, b), (c, d) = matrix
     size = a * d - b * c
     size = np.where((size > 0) & (a + d > 0), size, np.nan)
@@ -235,31 +242,27 @@ def _solve(matrix: Array, right: Array) -> Array:
 
 
 def _planes(corners: Array) -> tuple[Array, Array]:
-    """Means of corners (nc, c, 3), and two axes and the normal of the plane there, (nc, 3, 3)."""
-    x = corners - corners[:, :1]
-    first, last = x[:, 2], x[:, -1] - x[:, 1]
-    if x.shape[1] == 3:
-        first, last = x[:, 1], x[:, 2]
-    normal = np.cross(first, last)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    along = first - np.sum(first * normal, axis=1, keepdims=True) * normal
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    axes = np.stack([along, np.cross(normal, along), normal], axis=1)
-    return corners.mean(axis=1), axes
+    """Means of corners (nc, c, d), and the axes in the plane there and its normal, (nc, d, d)."""
+    x, c = corners - corners[:, :1], corners.shape[1]
+    first, last = (x[:, 2], x[:, 3] - x[:, 1]) if c == 4 else (x[:, 1], x[:, -1])
+    normal = unit(across(np.stack([first, last][: x.shape[2] - 1], axis=1)))
+    along = unit(first - dot(first, normal)[:, None] * normal)
+    aside = [cross(normal, along)] if c > 2 else []
+    return corners.mean(axis=1), np.stack([along, *aside, normal], axis=1)
 
 
 def local_coordinates(corners: Array, points: Array) -> Array:
-    """Reference coordinates of points in plane triangles and quadrilaterals.
+    """Reference coordinates of points in intervals, plane triangles and quadrilaterals.
 
     Parameters
     ----------
-    corners : ndarray, shape (..., c, 2)
-        Three corners, or four; in either direction.
-    points : ndarray, shape (..., 2)
+    corners : ndarray, shape (..., c, d-1)
+        Two corners, three, or four; in either direction.
+    points : ndarray, shape (..., d-1)
 
     Returns
     -------
-    ndarray, shape (..., 2)
+    ndarray, shape (..., d-1)
         Of the linear or bilinear shape functions; beyond the corners they are continued.
 
     Examples
@@ -268,6 +271,9 @@ def local_coordinates(corners: Array, points: Array) -> Array:
     >>> local_coordinates(corners, np.array([1.25, 0.75])).tolist()
     [0.5, 0.5]
     """
+    if corners.shape[-2] == 2:
+        first = corners[..., 0, :]
+        return np.asarray((points - first) / (corners[..., 1, :] - first))
     x, y = np.moveaxis(corners, -1, 0)
     r = points[..., 0] - x[..., 0], points[..., 1] - y[..., 0]
     a = x[..., 1] - x[..., 0], y[..., 1] - y[..., 0]
@@ -301,7 +307,7 @@ def cells_along_normals(
     """Pairs of cells that may meet along the normals of the secondary.
 
     What a cell sees is a cone about its own normal, as wide as its normals are apart. The tree over the
-    faces of the primary answers for all of them: no pair is left out, and the work is proportional to
+    facets of the primary answers for all of them: no pair is left out, and the work is proportional to
     the cells and the pairs found, whatever the distance between the surfaces.
 
     Parameters
@@ -317,25 +323,24 @@ def cells_along_normals(
     e, f : ndarray of int
         Cells of the secondary and of the primary, ordered by both.
     """
-    height = np.abs(secondary.corners[..., 2]).max(axis=1)
-    radius = np.linalg.norm(secondary.corners[..., :2], axis=2).max(axis=1)
-    lean = np.linalg.norm(secondary.normals[..., :2], axis=2).max(axis=1)
-    lean /= np.maximum(secondary.normals[..., 2].min(axis=1), FACING)
+    height = np.abs(secondary.corners[..., -1]).max(axis=1)
+    radius = np.linalg.norm(secondary.corners[..., :-1], axis=2).max(axis=1)
+    lean = np.linalg.norm(secondary.normals[..., :-1], axis=2).max(axis=1)
+    lean /= np.maximum(secondary.normals[..., -1].min(axis=1), FACING)
 
     def seen(e: Index, nodes: Nodes) -> Mask:
         local = secondary.local(e, nodes.centre)
-        far = np.abs(local[:, 2]) + nodes.radius + height[e]
-        across = np.linalg.norm(local[:, :2], axis=1) - nodes.radius
-        near = np.abs(local[:, 2]) - nodes.radius - height[e]
+        away, across = np.abs(local[:, -1]), np.linalg.norm(local[:, :-1], axis=1) - nodes.radius
+        far, near = (away + sign * (nodes.radius + height[e]) for sign in (1, -1))
         return (across <= (radius[e] + far * lean[e]) * (1 + MARGIN)) & (near <= reach)
 
     count = len(secondary.facet)
     found = list(FacetTree.build(surface, count, cones=False).descend(count, seen))
-    e, face = (np.concatenate(column) for column in zip(*found, strict=True))
-    # all cells of a face
+    e, facet = (np.concatenate(column) for column in zip(*found, strict=True))
+    # all cells of a facet
     order = np.argsort(primary.facet, kind="stable")
     first = np.searchsorted(primary.facet[order], np.arange(len(surface.facets) + 1))
-    cells = np.diff(first)[face]
-    e, f = np.repeat(e, cells), order[ragged(first[face], cells)]
+    cells = np.diff(first)[facet]
+    e, f = np.repeat(e, cells), order[ragged(first[facet], cells)]
     order = np.lexsort((f, e))
     return e[order], f[order]

@@ -1,9 +1,10 @@
-r"""Convex polygons cut with convex polygons, all pairs at once, and their triangles.
+r"""Convex polygons cut with convex polygons, all pairs at once, and their triangles; or intervals.
 
-Sutherland and Hodgman cut a polygon by the half-planes of the edges of another one, one after the
-other. Here a cut works on all pairs of polygons together, whatever their numbers of corners: arrays
-are as wide as the polygon with the most corners, and shorter ones repeat their last corner. Areas of
-padded polygons need no mask, as edges without length add nothing.
+An interval on a line is a polygon of two corners, whose edges are its ends. Sutherland and Hodgman cut
+a polygon by the half-planes of the edges of another one, one after the other. Here a cut works on all
+pairs of polygons together, whatever their numbers of corners: arrays are as wide as the polygon with
+the most corners, and shorter ones repeat their last corner. Areas of padded polygons need no mask, as
+edges without length add nothing.
 
 References
 ----------
@@ -15,24 +16,21 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from skfem_contact.pairing.vectors import ragged
+from skfem_contact.arrays import Array, Index
+from skfem_contact.pairing.vectors import dot, ragged, turned
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    """Polygons in the plane, corners counter-clockwise.
+    """Polygons in the plane, corners counter-clockwise, or intervals on a line, n = 2 and ascending.
 
     Attributes
     ----------
-    corners : ndarray, shape (p, n, 2)
+    corners : ndarray, shape (p, n, d-1)
         The last corner is repeated where a polygon has fewer than n.
     count : ndarray of int, shape (p,)
         Numbers of corners; 0 where nothing is left.
@@ -43,37 +41,26 @@ class Polygons:
 
     @property
     def areas(self) -> Array:
-        """Areas, shape (p,); negative where corners run clockwise."""
+        """Areas or lengths, shape (p,); negative where corners run clockwise."""
         return signed_areas(self.corners)
 
     @property
     def middles(self) -> Array:
-        """Means of the corners, shape (p, 2)."""
+        """Means of the corners, shape (p, d-1)."""
         there = np.arange(self.corners.shape[1]) < self.count[:, None]
         total = (self.corners * there[..., None]).sum(axis=1)
         return np.asarray(total / np.maximum(self.count, 1)[:, None])
 
-    def distances(self, points: Array) -> Array:
-        """Distances of convex polygons from points (p, n, 2), zero inside; shape (p, n) [length]."""
-        start = self.corners[:, None]
-        end = np.roll(start, -1, axis=2)
-        along, away = end - start, points[:, :, None] - start
-        size = np.sum(along**2, axis=-1)
-        share = np.sum(away * along, axis=-1) / np.where(size > 0, size, 1.0)
-        foot = np.clip(share, 0.0, 1.0)[..., None] * along
-        distance = np.linalg.norm(away - foot, axis=-1).min(axis=2)
-        inside = np.all(cross(along, away) >= 0, axis=2)
-        return np.asarray(np.where(inside, 0.0, distance))
+    def beyond(self, points: Array) -> Array:
+        """How far points (p, n, d-1) are beyond the edges of convex polygons, (p, n) [length]."""
+        start, inward = sides(self.corners)
+        size = np.linalg.norm(inward, axis=2)[:, None]
+        inside = dot(inward[:, None], points[:, :, None] - start[:, None])
+        return np.maximum((-inside / np.where(size > 0, size, np.inf)).max(axis=2), 0.0)
 
     def some(self, which: Index) -> Polygons:
         """These polygons, in this order."""
         return Polygons(self.corners[which], self.count[which])
-
-    def where(self, condition: NDArray[np.bool_], other: Polygons) -> Polygons:
-        """These polygons where a condition (p,) holds, else others."""
-        n = len(self.count)
-        both = stacked([self, other])
-        return both.some(np.where(condition, np.arange(n), n + np.arange(n)))
 
     def plain(self, least: Array) -> Polygons:
         """Without corners that span no more than an area (p,) with both beside them.
@@ -82,7 +69,7 @@ class Polygons:
         same place: middles and triangles would depend on it.
         """
         out, place = self, np.arange(self.corners.shape[1])
-        while True:
+        while self.corners.shape[2] == 2:
             there, last = place < out.count[:, None], out.count[:, None] - 1
             after, before = np.where(place < last, place + 1, 0), np.where(place > 0, place - 1, last)
             ahead, behind = (
@@ -93,18 +80,21 @@ class Polygons:
             # of two at the same place one
             drop = flat & ~np.take_along_axis(flat, np.maximum(before, 0), axis=1)
             if not drop.any():
-                return out
+                break
             keep = there & ~drop
             order = np.argsort(~keep, axis=1, kind="stable")
             corners = np.take_along_axis(out.corners, order[..., None], axis=1)
             out = _padded(corners, keep.sum(axis=1))
+        return out
 
-    def fans(self, round_middle: bool = False) -> tuple[Index, Array]:
-        """Triangles of the polygons: whose they are (t,), and their corners (t, 3, 2).
+    def simplices(self, round_middle: bool = False) -> tuple[Index, Array]:
+        """Intervals, or triangles of polygons: whose they are (t,), and their corners (t, d, d-1).
 
-        They have the first corner of the polygon in common, or its middle: these are more, but
+        Triangles have the first corner of the polygon in common, or its middle: these are more, but
         smaller and of a better shape, for integrands that are no polynomials.
         """
+        if self.corners.shape[2] == 1:
+            return np.arange(len(self.count)), self.corners
         whole = self.count == 3 if round_middle else self.count < 0
         number = np.where(whole, 1, self.count if round_middle else np.maximum(self.count - 2, 0))
         whose = np.repeat(np.arange(len(number)), number)
@@ -121,12 +111,14 @@ class Polygons:
 
 
 def signed_areas(corners: Array) -> Array:
-    """Areas of polygons (..., n, 2), shape (...); negative where corners run clockwise.
+    """Areas of polygons (..., n, 2), or lengths (..., 2, 1); negative where corners run clockwise.
 
     >>> float(signed_areas(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]])))
     2.0
     """
     arm = corners[..., 1:, :] - corners[..., :1, :]  # from a corner: far from the origin, too
+    if arm.shape[-1] == 1:
+        return np.asarray(arm[..., 0, 0])
     return np.asarray(0.5 * np.sum(cross(arm[..., :-1, :], arm[..., 1:, :]), axis=-1))
 
 
@@ -135,15 +127,25 @@ def cross(v: Array, w: Array) -> Array:
     return np.asarray(v[..., 0] * w[..., 1] - v[..., 1] * w[..., 0])
 
 
+def sides(corners: Array) -> tuple[Array, Array]:
+    """A point on each edge of polygons (..., n, d-1), and the vectors inward across it, as long.
+
+    Of intervals the edges are the ends, and the vectors have the length one.
+    """
+    if corners.shape[-1] == 1:
+        return corners, np.broadcast_to([[1.0], [-1.0]], corners.shape)
+    return corners, turned(np.roll(corners, -1, axis=-2) - corners)
+
+
 def clip(subject: Array, window: Array) -> Polygons:
     """Parts of polygons inside other polygons, pair by pair.
 
     Parameters
     ----------
-    subject : ndarray, shape (p, n, 2)
-        Corners of polygons.
-    window : ndarray, shape (p, k, 2)
-        Corners of convex polygons, counter-clockwise.
+    subject : ndarray, shape (p, n, d-1)
+        Corners of polygons, or ends of intervals.
+    window : ndarray, shape (p, k, d-1)
+        Corners of convex polygons, counter-clockwise, or ends of intervals, ascending.
 
     Returns
     -------
@@ -159,23 +161,25 @@ def clip(subject: Array, window: Array) -> Polygons:
     >>> part.corners[0].tolist(), part.areas.tolist()
     ([[0.5, 0.5], [1.0, 0.5], [1.0, 1.0], [0.5, 1.0]], [0.25])
     """
-    p, n = subject.shape[:2]
-    alive, rest = np.arange(p), Polygons(subject, np.full(p, n))
+    p, n, dim = subject.shape
+    alive, rest, (start, inward) = np.arange(p), Polygons(subject, np.full(p, n)), sides(window)
     for k in range(window.shape[1]):
-        start = window[alive, k]
-        rest = cut(rest, start, window[alive, (k + 1) % window.shape[1]] - start)
-        left = np.flatnonzero(rest.count > 2)
+        rest = cut(rest, start[alive, k], inward[alive, k])
+        left = np.flatnonzero(rest.count > dim)
         alive, rest = alive[left], rest.some(left)
-    parts = Polygons(np.zeros((p, rest.corners.shape[1], 2)), np.zeros(p, dtype=np.intp))
+    parts = Polygons(np.zeros((p, rest.corners.shape[1], dim)), np.zeros(p, dtype=np.intp))
     parts.corners[alive], parts.count[alive] = rest.corners, rest.count
     return parts
 
 
-def cut(polygons: Polygons, start: Array, along: Array) -> Polygons:
-    """Return what is on the left of lines through `start` (p, 2) in the directions `along` (p, 2)."""
+def cut(polygons: Polygons, start: Array, inward: Array) -> Polygons:
+    """Return what lies inward of the lines, or points, through `start`, (p, d-1) both."""
     corners, count = polygons.corners, polygons.count
-    p, n = corners.shape[:2]
-    side = cross(along[:, None], corners - start[:, None])
+    p, n, dim = corners.shape
+    side = dot(inward[:, None], corners - start[:, None])
+    if dim == 1:
+        ends = np.where(side[..., None] >= 0, corners, start[:, None])
+        return Polygons(ends, np.where(np.any(side > 0, axis=1), count, 0))
     place = np.arange(n)
     following = np.where(place + 1 < count[:, None], place + 1, 0)
     side_next = np.take_along_axis(side, following, axis=1)
@@ -200,7 +204,7 @@ def cut(polygons: Polygons, start: Array, along: Array) -> Polygons:
 def stacked(parts: Sequence[Polygons]) -> Polygons:
     """All polygons of several groups, one after the other."""
     width = max(part.corners.shape[1] for part in parts)
-    corners = [np.zeros((len(part.count), width, 2)) for part in parts]
+    corners = [np.zeros((len(part.count), width, part.corners.shape[2])) for part in parts]
     for out, part in zip(corners, parts, strict=True):
         out[:, : part.corners.shape[1]] = part.corners
     return _padded(np.concatenate(corners), np.concatenate([part.count for part in parts]))
@@ -212,7 +216,7 @@ def _padded(corners: Array, count: Index) -> Polygons:
     return Polygons(np.take_along_axis(corners, last[:, :, None], axis=1), count)
 
 
-#: Gaps (p,) of pieces at places (p, 2) in the planes of their cells.
+#: Gaps (p,) of pieces at places (p, d-1) in the planes of their cells.
 Gaps = Callable[[Index, Array], Array]
 
 
@@ -240,6 +244,9 @@ def several_sheets(e: Index, vertices: Index) -> list[tuple[int, Index]]:
     [(0, [2]), (1, [2]), (2, [0, 1])]
     """
     p, c = vertices.shape
+    shared = np.any(vertices[1:, :, None] == vertices[:-1, None], axis=(1, 2))
+    if np.all(shared | (e[1:] != e[:-1])):  # as on curves, whose facets follow each other
+        return []
     corner = e[:, None] * (1 + vertices.max(initial=0)) + vertices
     _, corner = np.unique(corner, return_inverse=True)
     pairs = np.repeat(np.arange(p), c), p + corner.ravel()
@@ -270,23 +277,18 @@ def nearest_parts(
         done = np.flatnonzero(faced < 0)
         whose, mine, kept = [of[done]], of[busy], [parts.some(done)]
         inside, against = parts.some(busy), faced[busy]
-        rival = pieces.some(against)
-        for k in range(rival.corners.shape[1]):
-            start = rival.corners[:, k]
-            following = np.where(k + 1 < rival.count, k + 1, 0)
-            along = rival.corners[np.arange(len(following)), following] - start
-            edge = (k < rival.count)[:, None]
-            # the edges that a rival does not have cut nothing off
-            beyond = cut(inside, start, np.where(edge, -along, np.nan))
-            inside = inside.where(~edge[:, 0], cut(inside, start, along))
+        for start, inward in np.stack(sides(pieces.corners[against])).transpose(2, 0, 1, 3):
+            # the edges that a rival does not have, of no length, cut nothing off
+            outward = np.where(inward.any(axis=1, keepdims=True), -inward, np.nan)
             whose.append(mine)
-            kept.append(beyond)
+            kept.append(cut(inside, start, outward))
+            inside = cut(inside, start, inward)
         middle = inside.middles
         own, theirs = np.abs(gaps(mine, middle)), np.abs(gaps(against, middle))
         nearer = (own < theirs) | ((own == theirs) & (mine < against))
         whose.append(mine[nearer])
         kept.append(inside.some(np.flatnonzero(nearer)))
         of, parts = np.concatenate(whose), stacked(kept)
-        there = np.flatnonzero(parts.count > 2)
+        there = np.flatnonzero(parts.count > parts.corners.shape[2])
         of, parts = of[there], parts.some(there)
     return np.concatenate([free, of]), stacked([pieces.some(free), parts])

@@ -5,24 +5,19 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.joints import Joints, across_edges
-from skfem_contact.pairing.projection import Feet, interpolated_normals, project
+from skfem_contact.pairing.projection import Feet, Joints, across_edges, interpolated_normals, project
 from skfem_contact.pairing.search import FacetTree, Nodes, closest_candidates
 from skfem_contact.pairing.thresholds import EXTENDED, FACING, LEAN
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 def search_range(
@@ -155,10 +150,32 @@ class Side:
             mine = secondary.dofs[point, 0]
             facing &= ~(primary.dofs[primary.facets[facet], 0] == mine[:, None]).any(axis=1)
         if not facing.all():
-            point, facet = point[facing], facet[facing]
-        x = secondary.points.take(point, axis=0)
-        feet = project(primary, facet, x)
-        apart = x - feet.foot
+            point, facet, looks = point[facing], facet[facing], looks[facing]
+        feet, _, distance, _, good = self.stationary(facet, secondary.points.take(point, axis=0), looks)
+        return point[good], facet[good], feet.xi[good], distance[good]
+
+    def stationary(
+        self, facet: Index, points: Array, looks: Array | None = None
+    ) -> tuple[Feet, Array, Array, Array, Mask]:
+        """Feet of points (p, d) on facets, and whether they are partners by their places.
+
+        Parameters
+        ----------
+        facet : ndarray of int, shape (p,)
+        points : ndarray, shape (p, d)
+        looks : ndarray, shape (p, d), optional
+            Normals of the points, which are beside sharp edges no vertices; those that are flush with
+            an end may lie in the `margin` there.
+
+        Returns
+        -------
+        feet, normal, distance, height, good
+            The field of normals at the feet (p, d), distances from them and heights along it (p,)
+            [length].
+        """
+        primary = self.primary
+        feet = project(primary, facet, points)
+        apart = points - feet.foot
         distance = sizes(apart)
         normal = interpolated_normals(primary, facet, feet.xi)
         height = dot(apart, normal)
@@ -166,11 +183,15 @@ class Side:
         beyond = np.flatnonzero(good & (feet.over > GIVEN * primary.lengths[facet]))
         if len(beyond):
             rims, some = feet.some(beyond), facet[beyond]
-            good[beyond] = self._at_rims(some, rims, apart[beyond], height[beyond])
-            if self.margin.any():
-                flush = dot(secondary.normals[point[beyond]], normal[beyond]) <= -np.cos(LEAN)
-                good[beyond] |= flush & self._in_the_margin(some, rims, height[beyond])
-        return point[good], facet[good], feet.xi[good], distance[good]
+            apart, across = apart[beyond], height[beyond]
+            # beyond a sharp edge what looks lies at most 45 degrees off the normal of its facet
+            steep = rims.over <= np.abs(dot(apart, rims.own)) * (1 + GIVEN)
+            in_cone = steep & (looks is not None)
+            good[beyond] = self._at_rims(some, rims, apart, across, in_cone)
+            if looks is not None and self.margin.any():
+                flush = dot(looks[beyond], normal[beyond]) <= -np.cos(LEAN)
+                good[beyond] |= flush & self._in_the_margin(some, rims, across)
+        return feet, normal, distance, height, good
 
     def _in_the_margin(self, facet: Index, feet: Feet, height: Array) -> Mask:
         """Return whether points just beyond an end or a sharp edge are in the margin there.
@@ -184,15 +205,13 @@ class Side:
         margin = self.margin[facet]
         return np.asarray(there & (feet.over <= margin) & (height >= -margin))
 
-    def _at_rims(self, facet: Index, feet: Feet, apart: Array, height: Array) -> Mask:
+    def _at_rims(self, facet: Index, feet: Feet, apart: Array, height: Array, in_cone: Mask) -> Mask:
         """Return whether a foot at the rim of its facet is the closest point of the whole surface.
 
         It is that of the facets across the edge or round the corner too, and the surface goes on there,
-        on a plane of symmetry as its mirror image. Beyond a sharp edge the node lies at most 45 degrees
-        off the normal of its facet.
+        on a plane of symmetry as its mirror image.
         """
         primary, c = self.primary, self.primary.kind.corners
-        in_cone = feet.over <= np.abs(dot(apart, feet.own)) * (1 + GIVEN)
         at = np.flatnonzero(feet.place >= c)
         if not len(at):
             return self._at_edges(facet, feet, apart, height, in_cone)
@@ -278,6 +297,20 @@ def overhang(
     return miss, end_facet
 
 
+def nearby_facets(surface: ContactSurface, points: Array) -> tuple[Index, Index]:
+    """Points, and facets among which all of the nearest to them are, whichever way anything looks."""
+    guess = Tree(surface.points[surface.facets].mean(axis=1)).nearest(points)
+    bound = sizes(points - project(surface, guess, points).foot)
+    bound += SOLVED * surface.lengths[guess]
+
+    def in_reach(point: Index, nodes: Nodes) -> Mask:
+        return np.asarray(sizes(points[point] - nodes.centre) - nodes.radius <= bound[point])
+
+    found = FacetTree.build(surface, len(points), cones=False).descend(len(points), in_reach)
+    point, facet = (np.concatenate(column) for column in zip(*found, strict=True))
+    return point, facet
+
+
 def signed_distances(surface: ContactSurface, points: Array) -> Array:
     """Distances of points (p, d) from a surface, negative where its body is, shape (p,) [length].
 
@@ -286,14 +319,7 @@ def signed_distances(surface: ContactSurface, points: Array) -> Array:
     Baerentzen, H. Aanaes, IEEE Trans. Vis. Comput. Graph. 11 (2005) 243-253. Beyond the ends of an open
     curve nothing is inside.
     """
-    guess = Tree(surface.points[surface.facets].mean(axis=1)).nearest(points)
-    bound = sizes(points - project(surface, guess, points).foot)
-
-    def in_reach(point: Index, nodes: Nodes) -> Mask:
-        return np.asarray(sizes(points[point] - nodes.centre) - nodes.radius <= bound[point])
-
-    found = FacetTree.build(surface, len(points), cones=False).descend(len(points), in_reach)
-    point, facet = (np.concatenate(column) for column in zip(*found, strict=True))
+    point, facet = nearby_facets(surface, points)
     feet = project(surface, facet, points[point])
     distance = sizes(points[point] - feet.foot)
     order = np.lexsort((facet, distance, point))

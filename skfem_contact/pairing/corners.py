@@ -19,26 +19,144 @@ a corner even if the side of the body was not selected. On flat interfaces nothi
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.digits import GIVEN, SOLVED
-from skfem_contact.pairing.closest import search_range
+from skfem_contact.pairing.closest import Side, nearby_facets, search_range
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.thresholds import CROSS, LEAN, SLACK
-from skfem_contact.pairing.vertices import Corners, Met, closest, lean_of, meet
+from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 # (0 of the secondary, 1 of the primary; number of the point)
 Names = frozenset[tuple[int, int]]
+
+# Cosine of the turn beyond which it is measured: less than that of any corner, round-off included.
+BENDS = CORNER + SOLVED
+
+
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """Convex corners of a surface, its ends included.
+
+    Attributes
+    ----------
+    node : ndarray of int, shape (c,)
+    first : ndarray, shape (c,)
+        Direction of the normal of the facet that ends there [rad].
+    turn : ndarray, shape (c,)
+        Angle from there to the normal of the facet that begins there, > 0 [rad].
+    covered : ndarray of bool, shape (c, 2)
+        Whether the facet that ends (begins) there belongs to the surface.
+    facet : ndarray of int, shape (c,)
+        A facet of the surface there.
+    """
+
+    node: Index
+    first: Array
+    turn: Array
+    covered: Mask
+    facet: Index
+
+    @classmethod
+    def of(cls, surface: ContactSurface) -> Corners:
+        """Find the sharp corners, and ends of any angle; none on a line of symmetry."""
+        after = surface.neighbours[:, 1]
+        own = surface.own_normals
+        # angles only where the surface bends at all
+        inner = np.flatnonzero((after >= 0) & (dot(own[:, 1], own[:, 0].take(after, axis=0)) < BENDS))
+        bend = _wrap(_direction(own[after[inner], 0]) - _direction(own[inner, 1]))
+        sharp = (bend > 0) & (np.cos(bend) < CORNER)
+        inner, bend = inner[sharp], bend[sharp]
+        f, side = np.nonzero((surface.neighbours < 0) & (surface.end_turns > 0))
+        turn = surface.end_turns[f, side]
+        first = _direction(own[f, side]) - np.where(side == 1, 0.0, turn)
+        # a node that may not leave the line that the surface ends at lies on a line of symmetry
+        other = np.where(side == 1, first + turn, first)
+        held = surface.held[surface.facets[f, side]]
+        across = np.abs(np.stack([np.cos(other), np.sin(other)], axis=1))
+        keep = (held.sum(axis=1) != 1) | (np.sum(held * across, axis=1) < CORNER)
+        f, side, turn, first = f[keep], side[keep], turn[keep], first[keep]
+        node = np.concatenate([surface.facets[inner, 1], surface.facets[f, side]])
+        covered = np.concatenate([np.ones((len(inner), 2), bool), np.stack([side == 1, side == 0], 1)])
+        return cls(
+            node=node,
+            first=np.concatenate([_direction(own[inner, 1]), first]),
+            turn=np.concatenate([bend, turn]),
+            covered=covered,
+            facet=np.concatenate([inner, f]),
+        )
+
+    def lean(self, corner: Index, other: ContactSurface, facet: Index) -> Array:
+        """Angle from the beginning of a corner's cone to the opposite of a facet's normal [rad]."""
+        return _wrap(_direction(-other.facet_normals[facet]) - self.first[corner])
+
+
+@dataclass(frozen=True, eq=False)
+class Met:
+    """Corners that meet a facet of the other surface, shapes (q,), (q, k), (q, d)."""
+
+    corner: Index
+    facet: Index
+    shape: Array  # shape functions at the foot
+    normal: Array  # outward of the facet
+    gap: Array
+
+    def some(self, chosen: Index | Mask) -> Met:
+        """These of them."""
+        return Met(*(value[chosen] for value in vars(self).values()))
+
+
+def meet(
+    corners: Corners,
+    own: ContactSurface,
+    other: ContactSurface,
+    tilt: Array,
+    limits: tuple[float, float],
+    only_overlaps: bool = False,
+) -> Met:
+    """The closest point of the other surface to each vertex, where it is within its cone.
+
+    With `only_overlaps` those alone that lie in the other body by more than they touch it.
+    """
+    lowest = np.where(corners.covered[:, 0], tilt, -SLACK)
+    highest = corners.turn - np.where(corners.covered[:, 1], tilt, -SLACK)
+    lean = corners.lean(np.arange(len(corners.node))[:, None], other, np.arange(len(other.facets)))
+    leans = (lean > lowest[:, None]) & (lean < highest[:, None])
+    some = np.flatnonzero(leans.any(axis=1))
+    if not len(some):  # as on flat interfaces
+        return Met(some, some, np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
+    met = closest(corners, some, own, other, limits)
+    met = met.some(leans[met.corner, met.facet])
+    met = met.some(np.unique(met.corner, return_index=True)[1])
+    return met.some(met.gap < -GIVEN * other.lengths[met.facet]) if only_overlaps else met
+
+
+def closest(
+    corners: Corners,
+    chosen: Index,
+    own: ContactSurface,
+    other: ContactSurface,
+    limits: tuple[float, float],
+) -> Met:
+    """The closest points of the other surface to some vertices, but those that it has itself."""
+    if own.body is other.body:
+        chosen = chosen[~np.isin(own.dofs[corners.node[chosen], 0], other.dofs[:, 0])]
+    x = own.points[corners.node[chosen]]
+    point, facet = nearby_facets(other, x)
+    side = Side(own, other, *limits, np.zeros(len(other.facets)))
+    feet, normal, distance, gap, good = side.stationary(facet, x[point])
+    nearest = np.full(len(x), np.inf)
+    np.minimum.at(nearest, point, distance)
+    good &= distance <= nearest[point] + SOLVED * other.lengths[facet]
+    return Met(chosen[point], facet, feet.shape, normal, gap).some(good)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +195,7 @@ class CornerContacts:
         beside = self.secondary.neighbours[met.facet]
         found = [met.facet]
         for next_facet in beside.T:
-            lean = lean_of(corners, met.corner, self.secondary, next_facet)
+            lean = corners.lean(met.corner, self.secondary, next_facet)
             leans = (lean > self.tilt) & (lean < corners.turn[met.corner] - self.tilt)
             found.append(next_facet[leans & (next_facet >= 0)])
         return np.unique(np.concatenate(found))
@@ -93,17 +211,33 @@ class CornerContacts:
         """
         if not (len(self.own[1].corner) or len(self.other[1].corner)):
             return pairing
-        rows = CornerRows(pairing, self.secondary, self.primary)
+        gap, vertex = pairing.gap.copy(), np.full(len(pairing.gap), -1)
+        rows: dict[int, Row] = {}
         corners, met = self.own
         node = corners.node[met.corner]
         # a partner that faces the node may be farther off than the one that faces the corner
-        farther = np.abs(pairing.gap[node]) > np.abs(met.gap) + SOLVED * self.primary.lengths[met.facet]
+        farther = np.abs(gap[node]) > np.abs(met.gap) + SOLVED * self.primary.lengths[met.facet]
         for k in np.flatnonzero(every | farther):
-            rows.of_own_vertex(int(node[k]), met, int(k))
+            own, facet = int(node[k]), met.facet[k]
+            other = self.primary.facets[facet], met.shape[k]
+            rows[own] = Row((node[k : k + 1], ONE), other, met.normal[k], facet)
+            gap[own] = met.gap[k]
         corners, met = self.other
         for k in np.argsort(met.gap, kind="stable")[::-1]:  # the deepest is written last
-            rows.of_other_vertex(corners, met, int(k))
-        return rows.pairing(self.names)
+            corner, facet = met.corner[k], met.facet[k]
+            # the row of the end of the facet that is farther off
+            nodes, N, at = self.secondary.facets[facet], met.shape[k], corners.node[[corner]]
+            there, apart = int(np.argmax(N[:2])), gap[nodes[:2]]
+            deepest = met.gap[k] + GIVEN * self.secondary.lengths[facet]
+            if N[there] > 1 - GIVEN and apart[there] <= deepest:
+                vertex[nodes[there]] = at[0]  # it lies at a node, whose own row says the same
+                continue
+            host = there if apart[0] == apart[1] else int(np.argmax(apart))
+            if met.gap[k] < apart[host]:
+                own = int(nodes[host])
+                rows[own] = Row((nodes, N), (at, ONE), -met.normal[k], corners.facet[corner])
+                gap[own], vertex[own] = met.gap[k], at[0]
+        return _with_rows(pairing, rows, gap=gap, vertex=vertex, corners=self.names)
 
 
 def corner_contacts(
@@ -146,8 +280,8 @@ def unselected_sides(own: ContactSurface, other: ContactSurface) -> list[tuple[i
         Number of the point, and by how much it lies in the other body [length].
     """
     corners = Corners.of(own)
-    met = closest(corners, own, other, search_range(own, other, None))
-    lean, turn = lean_of(corners, met.corner, other, met.facet), corners.turn[met.corner]
+    met = closest(corners, np.arange(len(corners.node)), own, other, search_range(own, other, None))
+    lean, turn = corners.lean(met.corner, other, met.facet), corners.turn[met.corner]
     ahead, behind = ~corners.covered[met.corner].T
     outside = behind & (lean >= turn - SLACK) & (lean < turn + CROSS)
     outside |= ahead & (lean <= SLACK) & (lean > -CROSS)
@@ -157,91 +291,45 @@ def unselected_sides(own: ContactSurface, other: ContactSurface) -> list[tuple[i
     ]
 
 
-class CornerRows:
-    """A pairing some of whose rows are replaced."""
+ONE = np.ones(1)
 
-    def __init__(self, pairing: Pairing, secondary: ContactSurface, primary: ContactSurface) -> None:
-        self.old, self.secondary, self.primary = pairing, secondary, primary
-        self.values = {
-            name: np.array(getattr(pairing, name))
-            for name in ("normal", "gap", "area", "paired", "miss", "facet")
-        }
-        self.values["vertex"] = np.full(len(pairing.gap), -1)
-        self.weights: dict[int, tuple[tuple[Index, Array], tuple[Index, Array]]] = {}
 
-    def of_own_vertex(self, node: int, met: Met, k: int) -> None:
-        """A vertex of the secondary on a facet of the primary."""
-        nodes = self.primary.facets[met.facet[k]]
-        N = met.shape[k]
-        self._write(node, (np.array([node]), np.ones(1)), (nodes, N), met.normal[k], met, k)
-        self.values["facet"][node] = met.facet[k]
+class Row(NamedTuple):
+    """Nodes of both sides with their weights, the normal, and the facet of the primary."""
 
-    def of_other_vertex(self, corners: Corners, met: Met, k: int) -> None:
-        """A vertex of the primary on a facet of the secondary: the row of the end farther off."""
-        nodes = self.secondary.facets[met.facet[k]]
-        N = met.shape[k]
-        vertex = corners.node[met.corner[k]]
-        ends = nodes[:2]
-        own = self.values["gap"][ends]
-        there = int(np.argmax(N[:2]))
-        deepest = met.gap[k] + GIVEN * self.secondary.lengths[met.facet[k]]
-        if N[there] > 1 - GIVEN and own[there] <= deepest:
-            self.values["vertex"][ends[there]] = vertex
-            return  # the vertex lies at a node, whose own row says the same
-        host = there if own[0] == own[1] else int(np.argmax(own))
-        if met.gap[k] >= own[host]:
-            return
-        node = int(ends[host])
-        self._write(node, (nodes, N), (np.array([vertex]), np.ones(1)), -met.normal[k], met, k)
-        self.values["facet"][node] = corners.facet[met.corner[k]]
-        self.values["vertex"][node] = vertex
+    own: tuple[Index, Array]
+    other: tuple[Index, Array]
+    normal: Array
+    facet: int
 
-    def _write(
-        self,
-        node: int,
-        own: tuple[Index, Array],
-        other: tuple[Index, Array],
-        normal: Array,
-        met: Met,
-        k: int,
-    ) -> None:
-        self.weights[int(node)] = own, other
-        new = {"normal": normal, "gap": met.gap[k], "paired": True, "miss": 0.0}
-        for name, value in new.items():
-            self.values[name][node] = value
 
-    def pairing(self, names: Names) -> Pairing:
-        """The pairing with the rows that were written."""
-        old, written = self.old, np.array(list(self.weights), dtype=int)
-        m = len(old.gap)
-        new: dict[str, Any] = dict(self.values)
-        normal = new["normal"]
-        for name in ("secondary_normal", "primary_normal"):
-            if getattr(old, name) is not None:
-                new[name] = getattr(old, name).copy()
-                new[name][written] = normal[written]
-        if old.slip_weights is not None:
-            new["slip_weights"] = tuple(self._replaced(i, w) for i, w in enumerate(old.slip_weights))
-        if old.primary_bulge is not None:
-            new["primary_bulge"] = bulge = old.primary_bulge.copy()
-            bulge.data[np.isin(np.repeat(np.arange(m), np.diff(bulge.indptr)), written)] = 0.0
-        if old.smooth is not None:
-            new["smooth"] = old.smooth.copy()
-            new["smooth"][written] = 0.0
-        if old.still is not None:
-            new["still"] = old.still.copy()
-            new["still"][written] = False
-        return replace(
-            old,
-            **new,
-            corners=names,
-            tangent=tangents(normal),
-            secondary_weights=self._replaced(0, old.secondary_weights),
-            primary_weights=self._replaced(1, old.primary_weights),
-        )
+def _with_rows(pairing: Pairing, rows: dict[int, Row], **new: Any) -> Pairing:
+    """The pairing with other rows of some points, and with what else is `new`."""
+    written, m = np.array(list(rows), dtype=np.intp), len(pairing.gap)
+    normal = np.array([row.normal for row in rows.values()]).reshape(-1, pairing.points.shape[1])
+    values = {
+        **dict.fromkeys(("normal", "secondary_normal", "primary_normal"), normal),
+        "facet": [row.facet for row in rows.values()],
+        "paired": True,
+        **dict.fromkeys(("miss", "smooth", "still"), 0),
+    }
+    for name, value in values.items():
+        if getattr(pairing, name) is not None:
+            new[name] = getattr(pairing, name).copy()
+            new[name][written] = value
+    if pairing.primary_bulge is not None:
+        new["primary_bulge"] = bulge = pairing.primary_bulge.copy()
+        bulge.data[np.isin(np.repeat(np.arange(m), np.diff(bulge.indptr)), written)] = 0.0
 
-    def _replaced(self, side: int, matrix: csr_matrix) -> csr_matrix:
-        return _replaced(matrix, {node: rows[side] for node, rows in self.weights.items()})
+    def replaced(*both: csr_matrix) -> list[csr_matrix]:
+        new = {i: row.own for i, row in rows.items()}, {i: row.other for i, row in rows.items()}
+        return [_replaced(W, side) for W, side in zip(both, new, strict=True)]
+
+    if pairing.slip_weights is not None:
+        new["slip_weights"] = tuple(replaced(*pairing.slip_weights))
+    own, other = replaced(pairing.secondary_weights, pairing.primary_weights)
+    new |= {"secondary_weights": own, "primary_weights": other, "tangent": tangents(new["normal"])}
+    return replace(pairing, **new)
 
 
 def _replaced(matrix: csr_matrix, rows: dict[int, tuple[Index, Array]]) -> csr_matrix:
@@ -254,3 +342,13 @@ def _replaced(matrix: csr_matrix, rows: dict[int, tuple[Index, Array]]) -> csr_m
     out = csr_matrix((data, (row, col)), shape=matrix.shape)
     out.eliminate_zeros()
     return out
+
+
+def _direction(vectors: Array) -> Array:
+    """Angles of plane vectors (n, 2), (n,) [rad]."""
+    return np.asarray(np.arctan2(vectors[:, 1], vectors[:, 0]))
+
+
+def _wrap(angle: Array) -> Array:
+    """Angle in [-pi, pi)."""
+    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)

@@ -48,16 +48,12 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.digits import GIVEN
 from skfem_contact.pairing.thresholds import SHARE_KEPT, WEIGHTS_KEPT, WORST_CONDITION
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

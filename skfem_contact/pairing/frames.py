@@ -21,19 +21,16 @@ from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skfem_contact.bodies.areas import area_integrals
-from skfem_contact.bodies.bare import NoBody
+from skfem_contact.arrays import Array, Mask
+from skfem_contact.bodies.facets import area_integrals
 from skfem_contact.bodies.normals import angle_between, sizes, tangents, unit
-from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.pairing.joints import rim_points
+from skfem_contact.bodies.surface import ContactSurface, NoBody
 from skfem_contact.pairing.node import Pairing, gap_vectors
+from skfem_contact.pairing.projection import rim_points
 from skfem_contact.pairing.thresholds import ALONG, NO_NORMAL, SAME_NORMAL
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
 
 
 def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: Pairing) -> Pairing:
@@ -82,7 +79,7 @@ def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: P
     return replace(pairing, normal=normal, tangent=tangents(normal), gap=gap)
 
 
-def _mirrored(surface: ContactSurface) -> NDArray[np.bool_]:
+def _mirrored(surface: ContactSurface) -> Mask:
     """Nodes on a line of symmetry, whose own normal lies in it exactly, shape (m,)."""
     across = np.abs(np.sum(surface.normals * surface.held, axis=1))
     return np.asarray((surface.held.sum(axis=1) == 1) & (across <= SAME_NORMAL))

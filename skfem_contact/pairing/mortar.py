@@ -14,8 +14,8 @@ in node-to-segment contact, and elimination of the normal DOFs is as local. (The
 of edges of faces with six and eight nodes hold corners, too.) As the integrals are exact, a uniform
 pressure passes between meshes that do not match (patch test).
 
-1. `segmentation` of curves and `face_segmentation` find the `pieces` on which facet meets facet.
-2. `pieces.Moments` integrates shape functions over them; all that follows is the same for both.
+1. `segmentation` finds the pieces on which facet meets facet: intervals of curves, polygons of faces.
+2. `segmentation.Moments` integrates shape functions over them.
 3. `dual` makes the basis of each facet: exact also where the primary covers it only in part, with
    the multipliers of what is cut short merged into their neighbours'. The row of an heir then holds
    both nodes, and a node left with no multiplier on any facet is not paired (it shows the heir's
@@ -25,7 +25,7 @@ pressure passes between meshes that do not match (patch test).
 Straight sides and flats may turn by less than a corner does. At less than 45 degrees a surface has one
 normal at a node, averaged, and the multipliers reach over it: both right for curves, whose facets turn
 by like angles one after the other. A chamfer beside a flat is no curve. Its node is known by what the
-surface does next to it: on one side at least it goes straight on (`bodies.kinks.kink_angles`). There
+surface does next to it: on one side at least it goes straight on (`normal_field.kink_angles`). There
 
 * the normal is that of the other side of the interface, which meets one of the two parts;
 * the gap of a row is no less than the least distance in its support (`least_gaps`). A dual multiplier
@@ -41,20 +41,20 @@ W. A. Wall, Int. J. Numer. Meth. Engng 79 (2009) 1354-1391: contact.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import bsr_matrix, csr_matrix
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.normals import angle_between, tangents, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import BENT
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.bulges import bulged
-from skfem_contact.pairing.closest import search_range
+from skfem_contact.pairing.bulges import TINY, Bulges, block_matrix
+from skfem_contact.pairing.closest import overhang, search_range
 from skfem_contact.pairing.dual import DualBasis, dual_basis, node_rows, positive_functions
 from skfem_contact.pairing.node import Pairing, gap_vectors
-from skfem_contact.pairing.pieces import Moments, Pieces, bulges_of, whole_shares
-from skfem_contact.pairing.segmentation import segment as segment_curves
+from skfem_contact.pairing.segmentation import Moments, Segmentation, segment, whole_shares
+from skfem_contact.pairing.smooth import Place, curved_pairs
 from skfem_contact.pairing.supports import (
     FREE,
     MET,
@@ -65,11 +65,6 @@ from skfem_contact.pairing.supports import (
 )
 from skfem_contact.pairing.thresholds import KINK, NO_WEIGHT, SAME_NORMAL, SHARE_KEPT, SPREAD
 from skfem_contact.pairing.vectors import assembled, dot, entries, summed, without_round_off
-from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 def dual_mortar(
@@ -143,14 +138,14 @@ def dual_mortar(
     """
     if reach is not None and not reach > 0:
         raise InputError(f"reach={reach!r} must be a positive length")
-    pieces = _segment(secondary, primary, reach)
+    pieces = segment(secondary, primary, reach)
     moments, whole = Moments.of(pieces), whole_shares(secondary)
     supports = find_supports(pieces)
-    basis = facet_bases(secondary, moments, whole, supports, pressed)
+    basis = facet_bases(moments, whole, supports, pressed)
     owner, exchange = own_rows(secondary, primary, supports, basis)
     D, area, normal = secondary_matrix(secondary, basis.share, owner)
-    M, facet = primary_matrix(secondary, primary, moments, basis.A)
-    of_secondary, of_primary = mortar_normals(secondary, primary, moments, basis.A, normal)
+    M, facet = primary_matrix(moments, basis.A)
+    of_secondary, of_primary = mortar_normals(moments, basis.A, normal)
     M = M if exchange is None else M + exchange
     paired = (area > 0) & ~shared_nodes(secondary, primary)
     sums = np.asarray(M.sum(axis=1), dtype=float).ravel()
@@ -158,14 +153,11 @@ def dual_mortar(
     for W in weights:
         W.data[np.abs(W.data) < NO_WEIGHT] = 0.0
     W_m.eliminate_zeros()  # those of the secondary name the heirs
-    parts, apart, nearest_parts = bulges_of(pieces, moments)
-    change, smooth, bulge = bulged(secondary, primary, parts, apart, basis.A, normal, (sums, paired))
-    least = least_gaps(pieces, np.asarray(basis.A.any(axis=2)), nearest_parts)
+    change, smooth, bulge, nearest = smooth_gaps(moments, basis.A, normal, (sums, paired))
+    least = least_gaps(pieces, np.asarray(basis.A.any(axis=2)), nearest)
     gap = weighted_gaps(secondary, primary, normal, weights, change, least)
-    lonely = np.flatnonzero(~paired)
-    beside, nearest = overhang(secondary, primary, lonely, reach)
-    miss = np.zeros(len(paired))
-    miss[lonely], facet[lonely] = beside, nearest
+    miss, beside = overhang(secondary, primary, ~paired, *search_range(secondary, primary, reach))
+    facet[~paired] = beside[~paired]
     if supports is not None:
         miss[secondary.facets[supports.rank != FREE]] = 0.0  # handed to others
     nominal = np.bincount(secondary.facets.ravel(), whole.ravel(), len(paired))
@@ -189,28 +181,11 @@ def dual_mortar(
     )
 
 
-def _segment(secondary: ContactSurface, primary: ContactSurface, reach: float | None) -> Pieces:
-    """Return the parts of two curves, or of two surfaces of faces, that meet."""
-    if secondary.dim != primary.dim:
-        raise InputError(
-            f"Mortar contact between '{secondary.label}' in {secondary.dim}-D and '{primary.label}' in "
-            f"{primary.dim}-D: both are curves, or both are faces of solids."
-        )
-    if secondary.dim == 2:
-        return segment_curves(secondary, primary, reach)
-    from skfem_contact.pairing.face_segmentation import segment as segment_faces
-
-    return segment_faces(secondary, primary, reach)
-
-
 def facet_bases(
-    surface: ContactSurface,
-    moments: Moments,
-    whole: Array,
-    supports: Supports | None,
-    pressed: Index | None,
+    moments: Moments, whole: Array, supports: Supports | None, pressed: Index | None
 ) -> DualBasis:
     """Multipliers of all facets: zero where nothing is covered, one each of those `pressed`."""
+    surface = moments.pieces.secondary
     nf, k = surface.facets.shape
     covered = np.unique(moments.e)
     share = moments.own.sum(axis=2) @ positive_functions(surface.kind).T
@@ -276,22 +251,23 @@ def secondary_matrix(
     return D, area, -node_directions(surface, total, area)
 
 
-def primary_matrix(
-    secondary: ContactSurface, primary: ContactSurface, moments: Moments, A: Array
-) -> tuple[csr_matrix, Index]:
-    """Assemble ``M``; and for each node the primary facet where its shape function weighs most."""
-    e, f = moments.e, moments.f
-    data = A[e] @ moments.cross
-    row = np.broadcast_to(secondary.facets[e][:, :, None], data.shape)
+def primary_matrix(moments: Moments, A: Array) -> tuple[csr_matrix, Index]:
+    """Assemble ``M``; and for each node the primary facet where its function weighs most, or -1."""
+    secondary, primary, f = moments.pieces.secondary, moments.pieces.primary, moments.f
+    data, nodes = A[moments.e] @ moments.cross, secondary.facets[moments.e]
+    row = np.broadcast_to(nodes[:, :, None], data.shape)
     col = np.broadcast_to(primary.facets[f][:, None, :], data.shape)
-    shape = (len(secondary.points), len(primary.points))
+    shape, nf = (len(secondary.points), len(primary.points)), len(primary.facets)
     M = assembled((row.ravel(), col.ravel()), data.ravel(), shape)
-    return M, main_facets(secondary, primary, e, f, moments.cross.sum(axis=2))
+    pair, which = np.unique(nodes * nf + f[:, None], return_inverse=True)
+    weight = np.bincount(which.ravel(), moments.cross.sum(axis=2).ravel())
+    facet = np.full(shape[0], -1)
+    pair = pair[np.argsort(weight, kind="stable")]  # the last written is the largest
+    facet[pair // nf] = pair % nf
+    return M, facet
 
 
-def mortar_normals(
-    secondary: ContactSurface, primary: ContactSurface, moments: Moments, A: Array, own: Array
-) -> tuple[Array, Array]:
+def mortar_normals(moments: Moments, A: Array, own: Array) -> tuple[Array, Array]:
     """Normals of both sides in the weighted mean of dual multipliers, from primary to secondary.
 
     The primary's field of normals is weighted with the multipliers like its displacements: exact for
@@ -300,7 +276,6 @@ def mortar_normals(
 
     Parameters
     ----------
-    secondary, primary : ContactSurface
     moments : Moments
     A : ndarray, shape (nf, k, k)
         The multipliers of each facet in its shape functions.
@@ -311,6 +286,7 @@ def mortar_normals(
     -------
     of_secondary, of_primary : ndarray, shape (m, d)
     """
+    secondary, primary = moments.pieces.secondary, moments.pieces.primary
     node, field = secondary.facets[moments.e], primary.facet_node_normals[moments.f]
     total = summed(node, A[moments.e] @ moments.cross @ field, len(own))
     length = np.linalg.norm(total, axis=1, keepdims=True)
@@ -333,7 +309,66 @@ def mortar_normals(
     return np.where(sharp & ~corner, of_primary, own), of_primary
 
 
-def divided(matrix: csr_matrix, by: Array, paired: NDArray[np.bool_]) -> csr_matrix:
+def smooth_gaps(
+    moments: Moments, A: Array, normal: Array, rows: tuple[Array, Mask]
+) -> tuple[Array | None, Array | None, bsr_matrix | None, Array]:
+    """Return what smooth boundaries change on the pieces that have some (`smooth`); None if nothing.
+
+    As far as curvatures agree the weighted gap is the mean of distances, not of vectors whose
+    directions differ.
+
+    Parameters
+    ----------
+    moments : Moments
+    A : ndarray, shape (nf, k, k)
+        The multipliers of each facet in its shape functions.
+    normal : ndarray, shape (m, d)
+    rows : (ndarray, ndarray), shape (m,)
+        What rows are divided by [area], and which there are.
+
+    Returns
+    -------
+    change, smooth, bulge
+        Of weighted gaps (m,) [length], `Pairing.smooth` and `Pairing.primary_bulge`.
+    least : ndarray, shape (p,)
+        Least gaps of the pieces, infinite where facets are all there is.
+    """
+    secondary, primary = moments.pieces.secondary, moments.pieces.primary
+    least, (by, there), faces = np.full(len(moments.e), np.inf), rows, secondary.facets
+    some = np.flatnonzero(curved_pairs(secondary, primary, moments.e, moments.f))
+    if not len(some):
+        return None, None, None, least
+    e, f, m = moments.e[some], moments.f[some], len(by)
+    apart = moments.inside[some] @ secondary.points[faces[e]]
+    apart -= moments.cross[some] @ primary.points[primary.facets[f]]
+    parts, alike, area = [], np.zeros(len(some)), np.zeros(len(some))
+    for piece, met, weight in moments.pieces.points(some, heights=True):
+        # components first: long sums in place of many short ones
+        N, M, v, gap, weight = (
+            np.ascontiguousarray(x.T) for x in (met.N, met.M, met.directions, met.gap, weight)
+        )
+        places = Place(secondary, met.e, N), Place(primary, met.f, M)
+        mine, part = Bulges.of(piece, places, v, gap, weight)
+        least[mine] = np.minimum(least[mine], part.least)
+        mine = np.searchsorted(some, mine)
+        parts.append((mine, part))
+        alike[mine] += part.alike
+        area[mine] += part.area
+    alike = np.maximum(np.divide(alike, area, out=np.zeros(len(some)), where=area > 0), TINY)
+    vectors = dot(A[e] @ apart, normal[faces[e]])
+    total = -np.bincount(faces[e].ravel(), (alike[:, None] * vectors).ravel(), m)
+    for mine, part in parts:
+        scalar = alike[mine, None] * part.gap - part.height
+        total += np.bincount(part.node.ravel(), (A[part.e] @ scalar[..., None]).ravel(), m)
+    change = np.divide(total, by, out=np.zeros(m), where=there)
+    smooth, acts = np.zeros(m), A[e].any(axis=2)
+    np.maximum.at(smooth, faces[e][acts], np.broadcast_to(alike[:, None], acts.shape)[acts])
+    blocks = [part.blocks(primary, A) for _, part in parts if part.move is not None]
+    bulge = block_matrix(blocks, (m, len(primary.points)), rows) if blocks else None
+    return change, smooth, bulge, least
+
+
+def divided(matrix: csr_matrix, by: Array, paired: Mask) -> csr_matrix:
     """Rows divided by their sums, entries that are zero kept; no rows where not paired."""
     row, column, value = entries(matrix)
     keep = paired[row]
@@ -344,34 +379,11 @@ def divided(matrix: csr_matrix, by: Array, paired: NDArray[np.bool_]) -> csr_mat
     return csr_matrix((value[keep] / by[row], column[keep], start), shape=matrix.shape)
 
 
-def shared_nodes(secondary: ContactSurface, primary: ContactSurface) -> NDArray[np.bool_]:
+def shared_nodes(secondary: ContactSurface, primary: ContactSurface) -> Mask:
     """Nodes that are on both surfaces (the tip of a slit) and can not meet themselves."""
     if secondary.body is not primary.body:
         return np.zeros(len(secondary.points), dtype=bool)
     return np.isin(secondary.dofs[:, 0], primary.dofs[:, 0])
-
-
-def main_facets(
-    secondary: ContactSurface, primary: ContactSurface, e: Index, f: Index, part: Array
-) -> Index:
-    """For each node the primary facet where its shape function weighs most, (m,); -1 where none.
-
-    Parameters
-    ----------
-    secondary, primary : ContactSurface
-    e, f : ndarray of int, shape (p,)
-        Facets that meet.
-    part : ndarray, shape (p, k)
-        Weights of the nodes of facet e over what it has in common with f.
-    """
-    m, nf = len(secondary.points), len(primary.facets)
-    place = secondary.facets[e].ravel() * nf + np.repeat(f, part.shape[1])
-    pair, which = np.unique(place, return_inverse=True)
-    weight = np.bincount(which, part.ravel())
-    facet = np.full(m, -1)
-    pair = pair[np.argsort(weight, kind="stable")]  # the last written is the largest
-    facet[pair // nf] = pair % nf
-    return facet
 
 
 def node_directions(surface: ContactSurface, total: Array, area: Array) -> Array:
@@ -403,34 +415,12 @@ def weighted_gaps(
     return without_round_off(gap, secondary, primary, curved)
 
 
-def overhang(
-    secondary: ContactSurface,
-    primary: ContactSurface,
-    some: Index,
-    reach: float | None,
-) -> tuple[Array, Index]:
-    """How far some points are beside the primary, across their normal [length], and of which facet."""
-    if not len(some):  # as usual
-        return np.zeros(0), some
-    outside, inside = search_range(secondary, primary, reach)
-    points, normal = secondary.points[some], secondary.normals[some]
-    _, nearest = Tree(primary.points).query(points)
-    away = primary.points[nearest] - points
-    along = np.sum(away * normal, axis=1)
-    across = np.linalg.norm(away - along[:, None] * normal, axis=1)
-    facing = np.sum(normal * primary.normals[nearest], axis=1) < 0
-    beside = facing & (along <= outside) & (along >= -inside)
-    facet_of = np.empty(len(primary.points), dtype=np.intp)
-    facet_of[primary.facets] = np.arange(len(primary.facets))[:, None]
-    return np.where(beside, across, np.inf), np.where(beside, facet_of[nearest], -1)
-
-
-def least_gaps(pieces: Pieces, acts: Mask, smooth: Array | None = None) -> Array | None:
+def least_gaps(pieces: Segmentation, acts: Mask, smooth: Array | None = None) -> Array | None:
     """Least distance in the support of each mortar row that reaches over a kink, shape (m,) [length].
 
     Parameters
     ----------
-    pieces : Pieces
+    pieces : Segmentation
     acts : ndarray of bool, shape (nf, k)
         Nodes that have a multiplier on each facet of the secondary.
     smooth : ndarray, shape (p,), optional

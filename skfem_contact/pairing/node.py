@@ -1,11 +1,29 @@
-"""`Pairing`: which point meets what; and the pairing of node-to-segment contact, of faces too."""
+"""`Pairing`: which point meets what; and the pairing of node-to-segment contact, of faces too.
+
+**Control points.** A uniform pressure has no force at the corners of a quadratic triangle, and a
+negative one at those of an 8-node face: the integrals of their shape functions are zero and -1/12 of
+the area. A condition on the sign of nodal forces is none on the pressure there. With the control points
+of the quadratic edges,
+
+    g_m' = 2 g_m - (g_a + g_b) / 2    at the middle m between a and b,      g_a' = g_a    at corners,
+
+in place of the gaps at the nodes the same displacements have the forces of Bernstein's polynomials, all
+of whose integrals are positive: 1/6 of a triangle each; of an 8-node face 1/12 at corners, 1/6 else.
+Where all points of a face are closed the conditions are those at the nodes, combined, and the forces on
+the bodies are what they were. At the rim of a contact the control polygon touches a little earlier than
+the parabola under it, by the square of the size of a face. Gaps that users give (an interference) are
+lengths along the normals of the nodes: `gap_weights` combines them as the rows combine displacements.
+Faces with 9 nodes need none of this: the integrals are 1/36, 1/9 and 4/9.
+"""
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import bsr_matrix, csr_matrix, identity
+from dataclasses import replace
 
+import numpy as np
+from scipy.sparse import bsr_matrix, csr_matrix, diags, identity
+
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.normals import angle_between, sizes, tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import GIVEN
@@ -14,12 +32,9 @@ from skfem_contact.pairing.bulges import bulged_nodes
 from skfem_contact.pairing.closest import closest_facets, overhang, search_range
 from skfem_contact.pairing.projection import interpolated_normals
 from skfem_contact.pairing.thresholds import FACING, KINK
-from skfem_contact.pairing.vectors import dot
+from skfem_contact.pairing.vectors import dot, entries, ragged
 from skfem_contact.records import dataclass
 from skfem_contact.trees import ODD
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +87,7 @@ class Pairing:
         The primary node whose row a point carries in place of its own (`corners`); -1 where it
         carries its own. None where all do.
     control : bool
-        Whether rows are at control points (`control`), combined of those at the nodes.
+        Whether rows are at control points, combined of those at the nodes.
     """
 
     points: np.ndarray
@@ -302,25 +317,25 @@ def shared_at_seams(
     place = _places(primary)
     if place is None:
         return weights
-    shared = np.bincount(place)[place] > 1
-    rows = weights.tolil()
-    for i in np.flatnonzero(weights @ shared.astype(float) > 1.0 - GIVEN):
-        nodes, parts = np.array(rows.rows[i]), np.array(rows.data[i])
-        kept = np.abs(parts) > GIVEN
-        nodes, parts = nodes[kept], parts[kept] / parts[kept].sum()
-        if len(nodes) == primary.facets.shape[1]:
-            continue  # inside a facet
-        lips = _lips(primary, place, nodes)
-        faces = primary.normals[lips].mean(axis=1) @ secondary.normals[i] < -FACING
-        lips = lips[faces]
-        if len(lips) > 1:
-            rows[i] = 0.0
-            for lip in lips:
-                rows[i, lip] = parts / len(lips)
-    return csr_matrix(rows)
+    i, node, part = entries(weights)
+    kept, several = np.abs(part) > GIVEN, np.bincount(place)[place] > 1
+    inside = np.bincount(i, kept, len(weights.indptr) - 1) == primary.facets.shape[1]
+    on_seam = (weights @ several.astype(float) > 1.0 - GIVEN) & ~inside
+    chosen = np.flatnonzero(kept & on_seam[i])
+    # all nodes at these places that face the secondary's
+    order = np.argsort(place, kind="stable")
+    count = np.bincount(place)[place[node[chosen]]]
+    start = np.searchsorted(place[order], place[node[chosen]])
+    row, lip, part = np.repeat(i[chosen], count), order[ragged(start, count)], part[chosen]
+    faces = dot(primary.normals[lip], secondary.normals[row]) < -FACING
+    faces |= lip == np.repeat(node[chosen], count)
+    of = np.repeat(np.arange(len(chosen)), count)[faces]
+    data = (part / np.bincount(of))[of] / np.bincount(i[chosen], part, len(inside))[row[faces]]
+    shared = csr_matrix((data, (row[faces], lip[faces])), shape=weights.shape)
+    return csr_matrix(diags(np.where(on_seam, 0.0, 1.0)) @ weights + shared)
 
 
-def _places(surface: ContactSurface) -> NDArray[np.intp] | None:
+def _places(surface: ContactSurface) -> Index | None:
     """The place of each node, by its number; None where no two nodes share one."""
     points, near = surface.points, GIVEN * float(np.min(surface.lengths))
     order = np.argsort(points @ ODD[: points.shape[1]])  # nodes at one place follow each other
@@ -332,11 +347,70 @@ def _places(surface: ContactSurface) -> NDArray[np.intp] | None:
     return place
 
 
-def _lips(
-    surface: ContactSurface, place: NDArray[np.intp], nodes: NDArray[np.intp]
-) -> NDArray[np.intp]:
-    """Nodes (l, c) of single facets that are where the given ones (c,) are."""
-    here = place[surface.facets][:, :, None] == place[nodes]  # (nf, k, c)
-    facets = here.any(axis=1).all(axis=1)
-    found = np.take_along_axis(surface.facets[facets], here[facets].argmax(axis=1), axis=1)
-    return np.unique(found, axis=0)
+def at_control_points(surface: ContactSurface, pairing: Pairing, away: Array) -> Pairing:
+    """The pairing of nodes with its rows at control points, where faces ask for it.
+
+    Parameters
+    ----------
+    surface : ContactSurface
+        The secondary.
+    pairing : Pairing
+        Node by node: its rows have one node of the secondary each.
+    away : ndarray, shape (m, 3)
+        From the foot of every node to the node; anything where not paired [length].
+
+    Returns
+    -------
+    Pairing
+        The same if no face is of these kinds, as on curves. Middle nodes next to a corner without a
+        partner keep their own row.
+    """
+    if not surface.kind.taken:
+        return pairing
+    W = control_weights(surface, pairing.paired)
+    # the gap of a node is that to the smooth boundary
+    rest = np.where(pairing.paired, pairing.gap, 0.0) - dot(pairing.normal, away)
+    away = np.where(pairing.paired[:, None], away + rest[:, None] * pairing.normal, 0.0)
+    gap = dot(pairing.normal, W @ away)
+    # unit pressure has the nodal forces W' area = int N
+    share = abs(diags(W.diagonal()) - W)
+    own = surface.area / W.diagonal()
+    area = np.where(
+        W.diagonal() > 1, own, surface.area + share.T @ np.where(W.diagonal() > 1, own, 0.0)
+    )
+    return replace(
+        pairing,
+        gap=np.where(pairing.paired, gap, np.inf),
+        area=area,
+        secondary_weights=W,
+        primary_weights=csr_matrix(W @ pairing.primary_weights),
+        control=True,
+    )
+
+
+def gap_weights(pairing: Pairing) -> csr_matrix | None:
+    """Gaps that are given at the nodes in those of the rows, (m, m); None where rows are at nodes.
+
+    They are lengths along the nodes' own normals: with the angles between these a body that swells
+    evenly closes an even gap in all rows at once, on curved surfaces too.
+    """
+    if not pairing.control:
+        return None
+    W = pairing.secondary_weights.tocoo()
+    turned = dot(pairing.normal[W.row], pairing.normal[W.col])
+    return csr_matrix((W.data * turned, (W.row, W.col)), shape=W.shape)
+
+
+def control_weights(surface: ContactSurface, paired: Mask) -> csr_matrix:
+    """Weights of the nodes at control points, (m, m): rows of the identity but for middles of edges."""
+    m = len(surface.points)
+    edges = np.unique(surface.facets[:, surface.kind.edges].reshape(-1, 3)[:, [2, 0, 1]], axis=0)
+    # an edge is met from both of its faces, once in each direction
+    _, first = np.unique(edges[:, 0], return_index=True)
+    middle, start, end = edges[first][paired[edges[first]].all(axis=1)].T
+    own = np.ones(m)
+    own[middle] = 2.0
+    row = np.concatenate([np.arange(m), middle, middle])
+    column = np.concatenate([np.arange(m), start, end])
+    data = np.concatenate([own, np.full(2 * len(middle), -0.5)])
+    return csr_matrix((data, (row, column)), shape=(m, m))

@@ -1,10 +1,10 @@
 r"""Closest points of single facets to points, and the normal field there.
 
 The closest point of a facet x(xi) to a point p is stationary for ``|x(xi) - p|^2 / 2``. On a straight
-line it is known at once, on a quadratic one Newton's steps are cut back to the ends. On faces the
-quadratic model is minimised over the reference triangle or square exactly, corners and edges included
-(a step that is cut back to a polygon need not go down), from the nearest point of a lattice over the
-face. Plane triangles take one step, warped and curved faces some five.
+line it is known at once. Else the quadratic model is minimised over the reference line, triangle or
+square exactly, corners and edges included (a step that is cut back to a polygon need not go down), from
+the nearest point of a lattice over the facet. Plane triangles take one step, warped and curved faces
+some five.
 
 The closest point is taken, and not the point that the normal field looks along: that is one only in a
 neighbourhood of the surface, and is none or several around corners. The normal *at* the closest point
@@ -15,19 +15,15 @@ is interpolated between the averaged normals at corners, which is what keeps it 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
-from skfem_contact.bodies.normals import across, cross, unit
+from skfem_contact.bodies.normals import across, cross, sizes, unit
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.bodies.thresholds import LEAST_SLOPE, NEAREST
 from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.thresholds import SETTLED
-from skfem_contact.pairing.vectors import dot
+from skfem_contact.pairing.vectors import dot, ragged, turned
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 #: Which way along a line leads out of it, by the place on it: start, end, inside.
 OUT = np.array([-1.0, 1.0, 0.0])
@@ -82,21 +78,16 @@ def project(surface: ContactSurface, facet: Index, points: Array) -> Feet:
     facet : ndarray of int, shape (p,)
     points : ndarray, shape (p, d)
     """
-    if surface.dim == 2:
-        return _on_lines(surface, facet, points)
     kind = surface.kind
     nodes, points = node_positions(surface.points, surface.facets[facet]), np.asfortranarray(points)
     xi = _closest(kind, nodes, points)
     place = _places(kind, xi)
-    xi = _snapped(kind, xi, place)
     N, dN = kind.shapes(xi)
     foot = np.einsum("pk,pkd->pd", N, nodes)
-    along = np.einsum("pki,pkd->pid", dN, nodes)
-    own = cross(along[:, 0], along[:, 1])
-    own /= np.linalg.norm(own, axis=1, keepdims=True)
+    own = unit(across(np.einsum("pki,pkd->pid", dN, nodes)))
     apart = points - foot
     beside = apart - dot(apart, own)[:, None] * own
-    over = np.where(place >= 0, np.linalg.norm(beside, axis=1), 0.0)
+    over = np.where(place >= 0, sizes(beside), 0.0)
     return Feet(xi, N, foot, own, place, over)
 
 
@@ -105,61 +96,18 @@ def interpolated_normals(surface: ContactSurface, facet: Index, xi: Array) -> Ar
 
     Between the normals at the corners, also on quadratic facets.
     """
-    if surface.dim == 2:
-        ends = surface.facet_node_normals.take(facet, axis=0)
-        return unit((1 - xi) * ends[:, 0] + xi * ends[:, 1])
     corner = _some(surface.facet_node_normals[:, : surface.kind.corners], facet)
-    normal = np.einsum("pk,pkd->pd", surface.kind.linear.shapes(xi)[0], corner)
-    return normal / np.linalg.norm(normal, axis=1, keepdims=True)
-
-
-def _on_lines(surface: ContactSurface, facet: Index, points: Array) -> Feet:
-    """Closest points of lines: on straight ones without shape functions, in a third of the time."""
-    # `take` gathers rows in a tenth of the time of an index
-    nodes = surface.points.take(surface.facets.take(facet, axis=0), axis=0)
-    chord = nodes[:, 1] - nodes[:, 0]
-    t = np.clip(dot(points - nodes[:, 0], chord) / dot(chord, chord), 0.0, 1.0)
-    if surface.quadratic:
-        t = _newton(surface.kind, nodes, points, t)
-        N, dN = surface.kind.shapes(t[:, None])
-        foot = np.einsum("pk,pkd->pd", N, nodes)
-        along = np.einsum("pk,pkd->pd", dN[..., 0], nodes)
-    else:
-        N, along = np.stack([1 - t, t], axis=1), chord
-        foot = N[:, :1] * nodes[:, 0] + N[:, 1:] * nodes[:, 1]
-    along = unit(along)
-    place = (t >= 1).astype(np.intp) - ((t > 0) & (t < 1))
-    over = np.maximum(OUT[place] * dot(points - foot, along), 0.0)
-    return Feet(t[:, None], N, foot, across(along[:, None]), place, over)
-
-
-def _newton(kind: FacetKind, nodes: Array, points: Array, xi: Array) -> Array:
-    """Minimise the distance to quadratic lines: projected Newton steps, best of six starts; (p,)."""
-    fixed = np.broadcast_to(np.linspace(0.0, 1.0, 5)[:, None], (5, len(xi)))
-    starts = np.vstack([fixed, xi])
-    where = np.einsum("spk,pkd->spd", kind.shapes(starts[..., None])[0], nodes)
-    best = np.argmin(np.sum((where - points) ** 2, axis=2), axis=0)
-    xi = starts[best, np.arange(len(xi))]
-    second = 4 * nodes[:, 0] + 4 * nodes[:, 1] - 8 * nodes[:, 2]
-    for _ in range(12):
-        N, dN = kind.shapes(xi[:, None])
-        apart = np.einsum("pk,pkd->pd", N, nodes) - points
-        first = np.einsum("pk,pkd->pd", dN[..., 0], nodes)
-        squared = dot(first, first)
-        # beyond the centre of curvature the second derivative is negative: keep descending
-        slope = np.maximum(squared + dot(apart, second), LEAST_SLOPE * squared)
-        new = np.clip(xi - dot(apart, first) / slope, 0.0, 1.0)
-        change, xi = np.abs(new - xi).max(initial=0.0), new
-        if change <= NEAREST:
-            break
-    return xi
+    return unit(np.einsum("pk,pkd->pd", surface.kind.linear.shapes(xi)[0], corner))
 
 
 def _closest(kind: FacetKind, nodes: Array, points: Array) -> Array:
-    """Reference coordinates (p, 2) of the closest points of faces with nodes (p, k, 3).
+    """Reference coordinates (p, d-1) of the closest points of facets with nodes (p, k, d).
 
     All arrays are in Fortran order, see `node_positions`.
     """
+    if kind.straight and kind.dim == 1:  # without shape functions, in a third of the time
+        chord = nodes[:, 1] - nodes[:, 0]
+        return np.clip(dot(points - nodes[:, 0], chord) / dot(chord, chord), 0.0, 1.0)[:, None]
     starts = kind.middle[None] if kind.straight else _lattice(kind, 4 if kind.quadratic else 2)
     where = np.einsum("sk,pkd->psd", kind.shapes(starts)[0], nodes, order="F")
     first = np.argmin(np.sum((where - points[:, None]) ** 2, axis=2), axis=1)
@@ -203,28 +151,23 @@ def _some(values: Array, chosen: Index) -> Array:
 
 
 def _lattice(kind: FacetKind, parts: int) -> Array:
-    """Reference coordinates all over a face, its edges cut into some parts."""
+    """Reference coordinates all over a facet, its edges cut into some parts."""
     t = np.linspace(0.0, 1.0, parts + 1)
-    xi = np.stack(np.meshgrid(t, t), axis=-1).reshape(-1, 2)
+    xi = np.stack(np.meshgrid(*[t] * kind.dim), axis=-1).reshape(-1, kind.dim)
     return xi[xi.sum(axis=1) <= 1 + SETTLED] if kind.triangle else xi
 
 
 def _model_minimum(kind: FacetKind, xi: Array, apart: Array, along: Array, curved: Array) -> Array:
-    """Find where in the reference polygon Newton's model of the squared distance is least, (p, 2)."""
+    """Find where in the reference facet Newton's model of the squared distance is least, (p, d-1)."""
     metric = np.einsum("pid,pjd->pij", along, along)
     bend = np.einsum("pd,pijd->pij", apart, curved)
     # as much of the second part as leaves a minimum: by its least eigenvalue in the metric
-    det = metric[:, 0, 0] * metric[:, 1, 1] - metric[:, 0, 1] ** 2
-    half = (
-        0.5 * (metric[:, 1, 1] * bend[:, 0, 0] + metric[:, 0, 0] * bend[:, 1, 1])
-        - metric[:, 0, 1] * bend[:, 0, 1]
-    ) / det
-    product = (bend[:, 0, 0] * bend[:, 1, 1] - bend[:, 0, 1] ** 2) / det
-    least = half - np.sqrt(np.maximum(half**2 - product, 0.0))
+    least = _least_eigenvalue(metric, bend)
     share = np.where(least < LEAST - 1.0, (1.0 - LEAST) / np.maximum(-least, np.finfo(float).tiny), 1.0)
     H = metric + share[:, None, None] * bend
     g = np.einsum("pd,pid->pi", apart, along)
-
+    if kind.dim == 1:
+        return np.clip(xi - g / H[:, 0], 0.0, 1.0)
     det = H[:, 0, 0] * H[:, 1, 1] - H[:, 0, 1] ** 2
     free = np.stack(
         [H[:, 0, 1] * g[:, 1] - H[:, 1, 1] * g[:, 0], H[:, 0, 1] * g[:, 0] - H[:, 0, 0] * g[:, 1]],
@@ -249,8 +192,23 @@ def _model_minimum(kind: FacetKind, xi: Array, apart: Array, along: Array, curve
     return best
 
 
+def _least_eigenvalue(metric: Array, bend: Array) -> Array:
+    """The least eigenvalue of `bend` in the metric, (p, d-1, d-1) both, shape (p,)."""
+    if metric.shape[1] == 1:
+        return np.asarray(bend[:, 0, 0] / metric[:, 0, 0])
+    det = metric[:, 0, 0] * metric[:, 1, 1] - metric[:, 0, 1] ** 2
+    half = (
+        0.5 * (metric[:, 1, 1] * bend[:, 0, 0] + metric[:, 0, 0] * bend[:, 1, 1])
+        - metric[:, 0, 1] * bend[:, 0, 1]
+    ) / det
+    product = (bend[:, 0, 0] * bend[:, 1, 1] - bend[:, 0, 1] ** 2) / det
+    return np.asarray(half - np.sqrt(np.maximum(half**2 - product, 0.0)))
+
+
 def _beyond(kind: FacetKind, xi: Array) -> Array:
-    """Return how far reference coordinates are beyond each edge of the reference polygon, (p, c)."""
+    """Return how far reference coordinates are beyond each edge of the reference facet, (p, c)."""
+    if kind.dim == 1:
+        return np.concatenate([-xi, xi - 1.0], axis=1)
     x, y = xi[:, 0], xi[:, 1]
     if kind.triangle:
         return np.stack([-y, x + y - 1.0, -x], axis=1)
@@ -258,16 +216,138 @@ def _beyond(kind: FacetKind, xi: Array) -> Array:
 
 
 def _places(kind: FacetKind, xi: Array) -> Index:
-    """-1 inside, i on edge i, c + i at the corner from which edge i starts."""
+    """-1 inside, i on edge i, c + i at the corner from which edge i starts, which `xi` then are."""
     c = kind.corners
     on = _beyond(kind, xi) > -SOLVED
-    edge = np.where(on.any(axis=1), np.argmax(on, axis=1), -1)
+    place = np.where(on.any(axis=1), np.argmax(on, axis=1), -1)
     corner = on & np.roll(on, 1, axis=1)
-    return np.where(corner.any(axis=1), c + np.argmax(corner, axis=1), edge)
+    at = np.flatnonzero(corner.any(axis=1))
+    place[at] = c + np.argmax(corner[at], axis=1)
+    xi[at] = kind.locations[place[at] - c]
+    return place
 
 
-def _snapped(kind: FacetKind, xi: Array, place: Index) -> Array:
-    """Coordinates of corners exactly."""
-    at = place >= kind.corners
-    xi[at] = kind.locations[place[at] - kind.corners]
-    return xi
+def rim_points(surface: ContactSurface, mirrored: bool = True) -> Mask:
+    """Nodes on edges where the surface ends, shape (m,).
+
+    `mirrored`: also where it only ends on a plane of symmetry, square to it: the edge lies in a plane
+    across an axis, that component of its nodes is prescribed, and their normals have none of it.
+    """
+    edges = surface.facets[:, surface.kind.edges][surface.twins < 0]
+    if not mirrored:
+        edges = edges[~surface.mirrored_rim.any(axis=1)]
+    rim = np.zeros(len(surface.points), dtype=bool)
+    rim[edges] = True
+    return rim
+
+
+@dataclass(frozen=True, eq=False)
+class Joints:
+    """The joints at the corners of faces, which tell whether a corner is the closest point of all.
+
+    Attributes
+    ----------
+    first : ndarray of int, shape (m + 1,)
+        Point i has the rows ``first[i]`` to ``first[i + 1]`` of `row`.
+    row : ndarray of int, shape (nf c,)
+        Numbers ``c f + i`` of the corners of faces at each point.
+    leaving, arriving : ndarray, shape (nf c, 3)
+        Unit vectors from the corner along the edges that start and that end there.
+    outward : ndarray, shape (nf c, 2, 3)
+        Across the edges that start and end there, out of the surface where it ends, and not on a plane
+        of symmetry; else zero.
+    """
+
+    first: Index
+    row: Index
+    leaving: Array
+    arriving: Array
+    outward: Array
+
+    @classmethod
+    def of(cls, surface: ContactSurface) -> Joints:
+        """Collect the corners of a surface by its points."""
+        c = surface.kind.corners
+        corners = surface.facets[:, :c]
+        row = np.argsort(corners.ravel(), kind="stable")
+        count = np.bincount(corners.ravel(), minlength=len(surface.points))
+        start, end = edge_tangents(surface)
+        leaving, arriving = start, -np.roll(end, 1, axis=1)
+        normal = surface.own_normals[:, :c]
+        rim = ((surface.twins < 0) & ~surface.mirror_edges.any(axis=2))[..., None]
+        before = np.where(np.roll(rim, 1, axis=1), cross(-arriving, normal), 0.0)
+        outward = np.stack([np.where(rim, cross(leaving, normal), 0.0), before], axis=2)
+        return cls(
+            np.concatenate([[0], np.cumsum(count)]),
+            row,
+            leaving.reshape(-1, 3),
+            arriving.reshape(-1, 3),
+            outward.reshape(-1, 2, 3),
+        )
+
+    def leads_off(self, point: Index, apart: Array, least: Array) -> Mask:
+        """Return whether some face at points comes nearer than they, or the surface ends on the way.
+
+        Parameters
+        ----------
+        point : ndarray of int, shape (p,)
+            Points of the surface.
+        apart : ndarray, shape (p, 3)
+            From there to what they are the closest point to [length].
+        least : ndarray, shape (p,)
+            What counts as round-off [length].
+        """
+        count = self.first[point + 1] - self.first[point]
+        row = self.row[ragged(self.first[point], count)]
+        item = np.repeat(np.arange(len(point)), count)
+        away = apart[item]
+        along = np.maximum(dot(self.leaving[row], away), dot(self.arriving[row], away))
+        beyond = np.einsum("rsd,rd->rs", self.outward[row], away).max(axis=1)
+        off = np.zeros(len(point), dtype=bool)
+        off[item[np.maximum(along, beyond) > least[item]]] = True
+        return off
+
+
+def edge_tangents(surface: ContactSurface) -> tuple[Array, Array]:
+    """Unit vectors along each edge at its start and its end, each (nf, c, 3)."""
+    kind, c = surface.kind, surface.kind.corners
+    at = kind.locations[:c]
+    way = np.roll(at, -1, axis=0) - at
+    _, dN = kind.shapes(at)
+    x = node_positions(surface.points, surface.facets)
+    start = np.einsum("cki,ci,fkd->fcd", dN, way, x, order="F")
+    end = np.einsum("cki,ci,fkd->fcd", np.roll(dN, -1, axis=0), way, x, order="F")
+    return unit(start), unit(end)
+
+
+def across_edges(surface: ContactSurface, feet: Feet, number: Index) -> tuple[Array, Array]:
+    """Out of the facets across the edges that feet are on, and their own normals, at the feet.
+
+    Parameters
+    ----------
+    surface : ContactSurface
+    feet : Feet
+        On edges.
+    number : ndarray of int, shape (p,)
+        The same edges in the facets across, ``c f + i`` of edge i of facet f.
+
+    Returns
+    -------
+    outward, normal : ndarray, shape (p, d)
+        Unit vectors.
+    """
+    kind, c = surface.kind, surface.kind.corners
+    facet, edge = number // c, number % c
+    if kind.dim == 1:
+        normal = surface.own_normals[facet, edge]
+        return OUT[edge][:, None] * turned(normal), normal
+    at = kind.locations[:c]
+    ways = np.roll(at, -1, axis=0) - at
+    # the way along the edge is the same, from the other end
+    part = dot(feet.xi - at[feet.place], ways[feet.place]) / np.sum(ways**2, axis=1)[feet.place]
+    way = ways[edge]
+    _, dN = kind.shapes(np.asfortranarray(at[edge] + (1.0 - part)[:, None] * way))
+    along = np.einsum("pki,pkd->pid", dN, node_positions(surface.points, surface.facets[facet]))
+    normal = unit(cross(along[:, 0], along[:, 1]))
+    tangent = unit(np.einsum("pi,pid->pd", way, along))
+    return cross(tangent, normal), normal

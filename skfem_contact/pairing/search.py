@@ -17,8 +17,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.facet_kinds import node_positions
 from skfem_contact.bodies.normals import sizes, tangents
 from skfem_contact.bodies.surface import ContactSurface
@@ -27,9 +27,8 @@ from skfem_contact.pairing.thresholds import BULGE, FEW_PAIRS, MARGIN, PAIRS_AT_
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
+# At the centre of a ball a point is within, whatever its direction.
+TINY = float(np.finfo(float).tiny)
 
 
 def closest_candidates(
@@ -56,7 +55,6 @@ def closest_candidates(
     outside, inside : float
         Largest distance on the side of the normal, and on the side of the body [length].
     """
-    opposite = _directions(-looks)
 
     def in_sight(point: Index, nodes: Nodes) -> Mask:
         sight = points.take(point, axis=0) - nodes.centre
@@ -70,11 +68,11 @@ def closest_candidates(
         near, (axis, spread) = distance - nodes.radius, nodes.cones
         # the directions in which the ball is seen; everywhere from within
         parallax = np.arcsin(np.minimum(nodes.radius / np.maximum(distance, nodes.radius), 1.0))
-        turn = _turns(_directions(sight), axis)
+        turn = _angles(dot(sight, axis) / np.maximum(distance, TINY))
         limit = spread + parallax + MARGIN
         in_front = (turn <= limit) & (near <= outside)
         behind = (np.pi - turn <= limit) & (near <= inside)
-        faces = _turns(opposite[point], axis) <= spread + facing + MARGIN
+        faces = _angles(-dot(looks.take(point, axis=0), axis)) <= spread + facing + MARGIN
         return faces & ((near <= 0) | in_front | behind)
 
     return tree.descend(len(points), in_sight)
@@ -85,9 +83,8 @@ class Nodes:
     """Nodes of the tree: balls around their facets, and cones of directions.
 
     ``centre`` is (n, d), `radius` (n,). `cones` are axes and spreads: the closest points of the facets
-    look along directions within the spread (n,) of the axis [rad], or exactly opposite. Axes are angles
-    (n,) in the plane, in half the time of vectors, and unit vectors (n, 3) in space. A tree of balls
-    alone has no cones.
+    look along directions within the spread (n,) of the axis (n, d) [rad], or exactly opposite. A tree
+    of balls alone has no cones.
     """
 
     centre: Array
@@ -116,7 +113,7 @@ class FacetTree:
         Without `cones` it knows of balls alone.
         """
         few = 1 if count is None else FEW_PAIRS / max(count, 1)
-        seen = (_directions(surface.facet_normals), _spreads(surface)) if cones else ()
+        seen = (surface.facet_normals, _spreads(surface)) if cones else ()
         return cls.over(*_boxes(surface), seen, few)
 
     @classmethod
@@ -202,11 +199,6 @@ def bisected(points: Array) -> Index:
     return order
 
 
-def facet_balls(surface: ContactSurface) -> tuple[Array, Array]:
-    """Centres (nf, d) and radii (nf,) of balls around facets."""
-    return _balls(*_boxes(surface))
-
-
 def _boxes(surface: ContactSurface) -> tuple[Array, Array]:
     """Boxes around facets, (nf, d) each; linear ones lie in the hull of their nodes."""
     x = node_positions(surface.points, surface.facets)
@@ -245,32 +237,16 @@ def _spreads(surface: ContactSurface) -> Array:
     return np.minimum(np.maximum(turn, reach.max(axis=1)), np.pi)
 
 
-def _directions(vectors: Array) -> Array:
-    """Directions of vectors (n, d): angles (n,) in the plane, unit vectors in space."""
-    if vectors.shape[1] == 2:
-        return np.asarray(np.arctan2(vectors[:, 1], vectors[:, 0]))
-    # the least number: a point at the centre of a ball is within, whatever its direction
-    return np.asarray(vectors / np.maximum(sizes(vectors), np.finfo(float).tiny)[:, None])
-
-
-def _turns(one: Array, other: Array) -> Array:
-    """Angles between directions, (n,) [rad]."""
-    return np.abs(_wrap(one - other)) if one.ndim == 1 else _angles(dot(one, other))
-
-
 def _angles(cosine: Array) -> Array:
     return np.asarray(np.arccos(np.minimum(np.maximum(cosine, -1.0), 1.0)))
 
 
 def _merge(axis: Array, spread: Array, other: Array, other_spread: Array) -> tuple[Array, Array]:
     """The least cone of directions that holds two cones: its axis in the plane of both."""
-    plane = axis.ndim == 1
-    angle = _wrap(other - axis) if plane else _angles(dot(axis, other))
+    angle = _angles(dot(axis, other))
     first = np.minimum(-spread, angle - other_spread)
     last = np.maximum(spread, angle + other_spread)
     turn, half = 0.5 * (first + last), np.minimum(0.5 * (last - first), np.pi)
-    if plane:
-        return _wrap(axis + turn), half
     across = other - np.cos(angle)[:, None] * axis
     length = sizes(across)[:, None]
     # opposite or equal axes have no plane: any direction across does
@@ -278,8 +254,3 @@ def _merge(axis: Array, spread: Array, other: Array, other_spread: Array) -> tup
         length > COMPUTED, across / np.where(length > COMPUTED, length, 1.0), tangents(axis)[:, 0]
     )
     return np.cos(turn)[:, None] * axis + np.sin(turn)[:, None] * across, half
-
-
-def _wrap(angle: Array) -> Array:
-    """Angle in [-pi, pi)."""
-    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)

@@ -48,18 +48,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skfem_contact.bodies.bare import NoBody
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.normals import tangents, unit
 from skfem_contact.bodies.quadrics import corner_weights, principal
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, NoBody
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 class Place(NamedTuple):

@@ -33,20 +33,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.normals import unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.node import Pairing
-from skfem_contact.pairing.pieces import Pieces
+from skfem_contact.pairing.segmentation import Segmentation
 from skfem_contact.pairing.thresholds import MOVING_SHARE, OVERHANG, SHARE_FREE
 from skfem_contact.pairing.vectors import entries
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 # What a node may do on a facet; the largest of these on the facet have no multiplier.
 FREE, HELD, MET = range(3)
@@ -77,7 +73,7 @@ class Supports:
     above: Mask
 
 
-def find_supports(pieces: Pieces) -> Supports | None:
+def find_supports(pieces: Segmentation) -> Supports | None:
     """The held nodes of an interface; None where there are none."""
     secondary, primary = pieces.secondary, pieces.primary
     if not secondary.held_nodes.any():
@@ -103,7 +99,7 @@ def find_supports(pieces: Pieces) -> Supports | None:
 
 
 def slip_rows(
-    pieces: Pieces, supports: Supports, weights: tuple[csr_matrix, csr_matrix]
+    pieces: Segmentation, supports: Supports, weights: tuple[csr_matrix, csr_matrix]
 ) -> tuple[csr_matrix, csr_matrix]:
     """Weights of both sides with rows of node-to-segment contact where components are prescribed."""
     secondary = pieces.secondary
@@ -176,7 +172,7 @@ def without_multiplier(rank: Index) -> Mask:
     return np.asarray(rank > rank.min(axis=1, keepdims=True))
 
 
-def _opposite(pieces: Pieces, facet: Index) -> tuple[Index, Array, Mask]:
+def _opposite(pieces: Segmentation, facet: Index) -> tuple[Index, Array, Mask]:
     """Nodes and shape functions of the primary where normals at nodes meet it, and if they do.
 
     The facet of the primary is that of the nearest piece; beyond its ends or edges it is continued, so
@@ -186,7 +182,7 @@ def _opposite(pieces: Pieces, facet: Index) -> tuple[Index, Array, Mask]:
     place = np.full(len(pieces.secondary.facets), -1)
     place[facet] = np.arange(len(facet))
     mine = np.flatnonzero(place[e] >= 0)
-    row, away = place[e[mine]], pieces.distances(mine)
+    row, away = place[e[mine]], pieces.beyond(mine)
     near = np.empty((len(facet), away.shape[1]), dtype=np.intp)
     for k in range(away.shape[1]):
         order = np.lexsort((away[:, k], row))

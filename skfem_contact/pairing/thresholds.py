@@ -108,12 +108,6 @@ FEW_PAIRS = 1 << 12
 # Balls are larger by this fraction of their radius, for round-off and for tolerances at the ends.
 MARGIN = 1e-5
 
-# -- segmentation ------------------------------------------------
-
-# Images of points on curved facets: the change of their coordinate at which bisection ends. Newton's
-# steps, which square the error, end at `SOLVED`.
-BISECTION_DONE = 1e-15
-
 # -- supports ----------------------------------------------------
 
 # A node moves along a direction if its free components are this part of it at least, as in
@@ -136,9 +130,9 @@ OVERHANG = 0.25
 # the angle between the normals of a cell, two digits and more.
 SETTLED = 1e-13
 
-# -- face_segmentation -------------------------------------------
+# -- segmentation ------------------------------------------------
 
-# Newton steps on a curved face or to an image along normals, and the change, on a face, of its
+# Newton steps on a curved facet or to an image along normals, and the change, on a facet, of its
 # coordinates at which they end: they square the error, so that what is left after such a change is
 # round-off.
 NEWTON_STEPS, SQUARED = 12, 1e-7

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
+from typing import Any
 
+import numpy as np
+from scipy.sparse import bsr_matrix, csr_matrix
+
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.thresholds import NO_WEIGHT
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 def dot(v: Array, w: Array) -> Array:
@@ -70,10 +69,11 @@ def entries(weights: csr_matrix) -> tuple[Index, Index, Array]:
     return np.repeat(np.arange(W.shape[0]), np.diff(W.indptr)), W.indices, W.data
 
 
-def assembled(place: tuple[Index, Index], values: Array, shape: tuple[int, int]) -> csr_matrix:
+def assembled(place: tuple[Index, Index], values: Array, shape: tuple[int, int]) -> Any:
     """The matrix of entries at rows and columns, summed where one is met again; zeros are kept.
 
-    What SciPy makes of them, in half its time for the few entries of a contact.
+    What SciPy makes of them, in half its time for the few entries of a contact. Values (n,) make a
+    csr_matrix of that shape, blocks (d, d, n) a bsr_matrix of so many blocks.
 
     >>> print(assembled((np.array([1, 0, 1]), np.array([2, 0, 2])), np.ones(3), (2, 3)).toarray())
     [[1. 0. 0.]
@@ -86,7 +86,11 @@ def assembled(place: tuple[Index, Index], values: Array, shape: tuple[int, int])
     first = np.flatnonzero(np.diff(cell, prepend=-1))
     row, column = np.divmod(cell.take(first), shape[1])
     start = np.searchsorted(row, np.arange(shape[0] + 1))
-    values = np.add.reduceat(values.take(order), first) if len(first) else np.zeros(0)
+    values = np.take(values, order, axis=-1)
+    values = np.add.reduceat(values, first, axis=-1) if len(first) else values
+    if values.ndim == 3:
+        size = shape[0] * len(values), shape[1] * len(values)
+        return bsr_matrix((values.transpose(2, 0, 1), column, start), shape=size)
     index = np.int32 if max(*shape, len(first)) <= np.iinfo(np.int32).max else np.int64
     return csr_matrix((values, column.astype(index), start.astype(index)), shape=shape)
 
@@ -103,7 +107,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def without_round_off(
-    gap: Array, secondary: ContactSurface, primary: ContactSurface, smooth: NDArray[np.bool_]
+    gap: Array, secondary: ContactSurface, primary: ContactSurface, smooth: Mask
 ) -> Array:
     """Gaps (m,) that are zero where they are round-off of coordinates, or of `smooth` boundaries.
 

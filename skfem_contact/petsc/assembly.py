@@ -21,25 +21,19 @@ from scipy.sparse import csr_matrix, issparse
 from skfem.assembly import CellBasis
 from skfem.generic_utils import OrientedBoundary
 
-from skfem_contact.arrays import dof_numbers
+from skfem_contact.arrays import Index, dof_numbers
 from skfem_contact.bodies.inputs import stiffness_of
+from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.petsc.layout import bisected
 from skfem_contact.petsc.ranks import Ranks, csr_of
 from skfem_contact.petsc.stiffness import RankedStiffness, Rows
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Contribution = tuple[Index, csr_matrix]
 
 # Elements of the pieces of a mesh that a rank assembles one after the other: scikit-fem takes some
 # 40 kB for a hexahedron of 8 nodes, so this is 80 MB, and a call takes milliseconds.
 ELEMENTS_AT_ONCE = 2000
-
-# Difference between the stiffness of some elements and the sum of those of each, over its largest
-# entry, above which the user's function is no sum over elements: round-off of sums of some ten entries
-# is 1e-15, and springs that are softer than this change no answer.
-SAME_SUM = 1e-10
 
 
 def numbering(mesh: Any, element: Any) -> CellBasis:
@@ -95,8 +89,7 @@ def _pieces(basis: CellBasis, count: int) -> Iterator[list[Any]]:
         if not len(elements):  # fewer elements than ranks
             yield []
             continue
-        sent = pickle.dumps((piece(mesh, elements), basis.elem))
-        yield [np.frombuffer(sent, dtype=np.uint8), basis.element_dofs[:, elements]]
+        yield [piece(mesh, elements), basis.elem, basis.element_dofs[:, elements]]
 
 
 def parted(mesh: Any, count: int) -> Index:
@@ -114,7 +107,7 @@ def _made(
     key = own.number()
     told = own.together(_contribute, (key, name, how, n), pieces)
     if len(told[0]) == 1:
-        raise InputError(pickle.loads(told[0][0].tobytes()))
+        raise InputError(*told[0])
     return RankedStiffness(own, key, told)
 
 
@@ -132,10 +125,10 @@ def _contribute(own: Ranks, given: tuple[Any, ...], parts: list[Any]) -> list[An
         found = f"rank {own.rank} of {own.size}: {error}", None
     owners = _owners(own, found, n)
     if isinstance(owners, str):
-        return [np.frombuffer(pickle.dumps(owners), dtype=np.uint8)]
+        return [owners]
     rows = Rows.gathered(own.comm, dofs, matrix, owners)
     own.held[key] = rows
-    return [rows.rows, rows.columns, rows.diagonal(), np.array([rows.matrix.nnz])]
+    return [rows.rows, rows.columns, rows.diagonal(), rows.matrix.nnz]
 
 
 def _found(name: bytes) -> Any:
@@ -180,7 +173,7 @@ def _on_piece(own: Ranks, function: Any, parts: list[Any]) -> Contribution:
     """
     if not parts:
         return np.zeros(0, dtype=np.intp), csr_matrix((0, 0))
-    (mesh, element), element_dofs = pickle.loads(parts[0].tobytes()), parts[1]
+    mesh, element, element_dofs = parts
     parts.clear()
     dofs, numbers = np.unique(element_dofs, return_inverse=True)
     numbers = numbers.reshape(element_dofs.shape).astype(np.int32)
@@ -210,7 +203,7 @@ def _on_piece(own: Ranks, function: Any, parts: list[Any]) -> Contribution:
 def _check_sum(K: csr_matrix, parts: list[csr_matrix]) -> None:
     """Check that the stiffness of some elements is the sum of those of each."""
     off, largest = abs(K - sum(parts)).max(), abs(K).max()
-    if off > SAME_SUM * largest:
+    if off > COMPUTED * largest:
         raise InputError(
             "K of some elements is not the sum of those of each of them: off by "
             f"{off / largest:.1e} of its largest entry. The function sees pieces of the mesh, which "

@@ -11,13 +11,10 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.errors import LinearSolveError
 from skfem_contact.petsc.share import AGAIN, Database, Settings, Share, Solved, entries
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 # Right-hand sides that go through the factors together: 16 take 0.6 to 0.7 of the time that each takes
 # alone, 64 take 0.55, 256 as much (16 000 and 49 000 DOFs of a solid, one rank; two of them 0.5).

@@ -23,10 +23,10 @@ from itertools import repeat
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.blas import dsymv
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.member import Member
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import LinearSolveError, SingularMatrix
@@ -42,9 +42,6 @@ from skfem_contact.petsc.stacked import StackedStiffness
 from skfem_contact.petsc.stiffness import RankedStiffness
 
 logger = logging.getLogger("skfem_contact")
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class DistributedFactor(BodyFactor):
@@ -189,10 +186,9 @@ class DistributedFactor(BodyFactor):
 
     def _said(self, parts: list[list[Any]], columns: int, start: float) -> None:
         """Record how a solve went, which the last array of rank 0 tells; and raise where it failed."""
-        iterations, residual, reason, local = parts[0][-1]
+        how: Solved = parts[0][-1]
         share, seconds, spent = self._share, time.perf_counter() - start, self._spent
         self._spent = 0.0
-        how = Solved(int(iterations), float(residual), int(reason), float(local))
         told = LinearSolve(
             len(self.order),
             share.name,
@@ -271,19 +267,14 @@ def _share(own: Ranks, key: int) -> BodyShare:
     return cast(BodyShare, own.shares[key])
 
 
-def _told(how: Solved) -> Array:
-    return np.array([how.iterations, how.residual, how.reason, how.local])
-
-
 def _eliminated(own: Ranks, given: tuple[Any, ...], parts: list[Any]) -> list[Any]:
-    X, how = _share(own, given[0]).eliminated(parts[0])
-    return [X, _told(how)]
+    return [*_share(own, given[0]).eliminated(parts[0])]
 
 
 def _coupled(own: Ranks, given: tuple[Any, ...], parts: list[Any]) -> list[Any]:
     key, wanted = given
     X, forces, how = _share(own, key).coupled(parts[0])
-    return [X if wanted else X[:0], forces, _told(how)]
+    return [X if wanted else X[:0], forces, how]
 
 
 def _responded(own: Ranks, given: tuple[Any, ...], parts: list[Any]) -> list[Any]:
@@ -292,4 +283,4 @@ def _responded(own: Ranks, given: tuple[Any, ...], parts: list[Any]) -> list[Any
     F = np.zeros((share.A.getLocalSize()[0], 1))
     F[rows, 0] = force
     X, how = share.eliminated(F)
-    return [X[rows, 0], X[share.mine, 0], _told(how)]
+    return [X[rows, 0], X[share.mine, 0], how]

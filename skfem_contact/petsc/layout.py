@@ -12,19 +12,13 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
+from skfem_contact.arrays import Array, Index
+from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-
-# Diagonal entry of the triangular factor over the largest one below which a rigid motion follows from
-# the others on the DOFs that are left, and is no direction of its own for multigrid.
-SAME_MOTION = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +181,8 @@ def directions(modes: Array) -> Array:
     length = np.linalg.norm(modes, axis=0)
     modes = modes[:, length > 0] / length[length > 0]
     Q, R = np.linalg.qr(modes)
-    return np.ascontiguousarray(Q[:, np.abs(R.diagonal()) > SAME_MOTION])
+    # others follow from these on the DOFs that are left, and are no directions of their own
+    return np.ascontiguousarray(Q[:, np.abs(R.diagonal()) > SOLVED])
 
 
 def orthonormal(comm: Any, columns: Array) -> Array:
@@ -205,6 +200,6 @@ def orthonormal(comm: Any, columns: Array) -> Array:
             shares = comm.allreduce(np.array([other @ column for other in kept]))
             column = column - np.column_stack(kept) @ shares
         length = np.sqrt(comm.allreduce(float(column @ column)))
-        if length > SAME_MOTION:
+        if length > SOLVED:
             kept.append(column / length)
     return np.ascontiguousarray(np.column_stack(kept)) if kept else np.zeros((len(columns), 0))

@@ -16,19 +16,17 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from functools import cached_property, lru_cache
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Array
 from skfem_contact.errors import InputError, LinearSolveError, warn
 from skfem_contact.petsc.body_share import BodyShare
 from skfem_contact.petsc.share import Database, Settings, Share, Solved, command_line
-
-Array = NDArray[np.float64]
 
 # Seconds between two looks for the next command, at first and after a while: a rank that waits takes
 # no core from the one that works. A linear problem that is worth distributing takes 1000 times as long.
@@ -39,9 +37,6 @@ PATIENT = 2000
 
 # Seconds after which rank 0 says that it waits for ranks that have not come to `PETSc()`.
 MISSED_AFTER = 60.0
-
-# Array entries that are sent in one message, whose length MPI counts in 32 bits.
-AT_ONCE = 2**28
 
 INSTALL = (
     "PETSc() needs petsc4py and mpi4py, which Python does not find ({error}). On Debian and Ubuntu: "
@@ -64,6 +59,7 @@ def ranks() -> Ranks:
     try:
         import petsc4py
         from mpi4py import MPI
+        from mpi4py.util.pkl5 import Intracomm  # sends arrays of any size without copying them
 
         petsc4py.init(command_line())
         from petsc4py import PETSc
@@ -75,7 +71,8 @@ def ranks() -> Ranks:
             "numbers in double precision. On Debian set PETSC_DIR to a folder that ends in -real."
         )
     _wait_for_all(MPI.COMM_WORLD)
-    own = Ranks(PETSc, MPI, MPI.COMM_WORLD.Dup())
+    comm = MPI.COMM_WORLD.Dup()
+    own = Ranks(PETSc, MPI, comm, Intracomm(comm))
     if own.rank:
         own.serve()
     atexit.register(own.stop)
@@ -106,10 +103,12 @@ class Ranks:
     ----------
     rank, size : int
         Number of this one, and how many there are.
+    comm, messages : Intracomm
+        All of them, for PETSc, and as objects with large arrays are sent.
     """
 
-    def __init__(self, PETSc: Any, MPI: Any, comm: Any) -> None:
-        self.PETSc, self.MPI, self.comm = PETSc, MPI, comm
+    def __init__(self, PETSc: Any, MPI: Any, comm: Any, messages: Any = None) -> None:
+        self.PETSc, self.MPI, self.comm, self.messages = PETSc, MPI, comm, messages
         self.rank, self.size = int(comm.rank), int(comm.size)
         self.one = threading.RLock()  # of several threads of the script one at a time has all ranks
         self.shares: dict[int, Share] = {}
@@ -135,10 +134,10 @@ class Ranks:
 
     def together(
         self,
-        work: Callable[[Ranks, tuple[Any, ...], list[Array]], list[Array]],
+        work: Callable[[Ranks, tuple[Any, ...], list[Any]], list[Any]],
         given: tuple[Any, ...] = (),
-        pieces: Iterable[list[Array]] | None = None,
-    ) -> list[list[Array]]:
+        pieces: Iterable[list[Any]] | None = None,
+    ) -> list[list[Any]]:
         """Let every rank do some work on its piece; returns what each of them gives back.
 
         Parameters
@@ -147,19 +146,19 @@ class Ranks:
             A function of this library, which the other ranks find by its name.
         given : tuple
             The same for all.
-        pieces : iterable of list of ndarray, optional
+        pieces : iterable of list, optional
             For each rank; only one exists at a time.
         """
         with _Together(self, work, given):
-            mine: list[Array] = []
+            mine: list[Any] = []
             for rank, parts in enumerate(pieces or ([] for _ in range(self.size))):
                 if rank == 0:
                     mine = parts
                 else:
-                    send(self.comm, parts, rank)
+                    self.messages.send(parts, dest=rank)
                 del parts  # before there is the next
             found = [work(self, given, mine)]
-            found += [receive(self.comm, rank) for rank in range(1, self.size)]
+            found += [self.messages.recv(source=rank) for rank in range(1, self.size)]
         return found
 
     def factorize(
@@ -173,9 +172,7 @@ class Ranks:
     def solve(self, key: int, pieces: Iterable[Array]) -> tuple[Array, Solved]:
         """All rows of the answer, those of rank 0 first, and how it went."""
         found = self.together(_solved, (key,), ([piece] for piece in pieces))
-        iterations, residual, reason, local = found[0][1]
-        how = Solved(int(iterations), float(residual), int(reason), float(local))
-        return np.concatenate([x for x, _ in found]), how
+        return np.concatenate([x for x, _ in found]), found[0][1]
 
     def drop(self, key: int) -> None:
         """Forget a matrix, at the next command: the garbage is collected at any time."""
@@ -183,7 +180,7 @@ class Ranks:
 
     def memory(self) -> list[int]:
         """Largest memory that each rank has had so far [bytes]."""
-        return [int(peak[0]) for (peak,) in self.together(_measured)]
+        return [peak for (peak,) in self.together(_measured)]
 
     def stop(self, ending: bool = False) -> None:
         """Let the other ranks end; all free their matrices together, as PETSc needs it.
@@ -196,7 +193,7 @@ class Ranks:
         unread = self.database.unread() if self._count else []
         with self.one:
             for rank in range(1, self.size):
-                self.comm.send((None, (), []), dest=rank)
+                self.messages.send((None, (), []), dest=rank)
             self._end(ending)
         if unread:
             warn(
@@ -212,11 +209,11 @@ class Ranks:
         try:
             while True:
                 self._wait()
-                work, given, dropped = self.comm.recv(source=0)
+                work, given, dropped = self.messages.recv(source=0)
                 if work is None:
                     break
                 self.forget(dropped)
-                send(self.comm, work(self, given, receive(self.comm, 0)), 0)
+                self.messages.send(work(self, given, self.messages.recv(source=0)), dest=0)
         except BaseException:
             self.fail()
         sys.stdout.flush()
@@ -226,7 +223,7 @@ class Ranks:
 
     def _wait(self) -> None:
         looks = 0
-        while not self.comm.Iprobe(source=0):
+        while not self.messages.Iprobe(source=0):
             looks += 1
             time.sleep(SOON if looks < PATIENT else LATER)
 
@@ -273,7 +270,7 @@ class _Together:
         self.own.one.acquire()
         dropped, self.own._dropped = self.own._dropped, []
         for rank in range(1, self.own.size):
-            self.own.comm.send((self.work, self.given, dropped), dest=rank)
+            self.own.messages.send((self.work, self.given, dropped), dest=rank)
         self.own.forget(dropped)
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
@@ -298,59 +295,20 @@ def _made(own: Ranks, given: tuple[Any, ...], parts: list[Any]) -> list[Any]:
 
 def _solved(own: Ranks, given: tuple[Any, ...], parts: list[Any]) -> list[Any]:
     """Rows of an answer, and how it went."""
-    x, how = own.shares[given[0]].solve(parts[0])
-    return [x, np.array([how.iterations, how.residual, how.reason, how.local])]
+    return [*own.shares[given[0]].solve(parts[0])]
 
 
 def _measured(own: Ranks, given: tuple[Any, ...], parts: list[Any]) -> list[Any]:
-    return [np.array([_peak()])]
+    import resource  # not on every system, as MPI
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return [int(peak if sys.platform == "darwin" else 1024 * peak)]
 
 
 def _parts(rows: csr_matrix, directions: Array | None) -> list[Array]:
     """Return what a rank is sent: its rows, and rigid motions on them."""
     parts = [np.array(rows.shape), rows.indptr, rows.indices, rows.data]
     return parts if directions is None else [*parts, directions]
-
-
-def _peak() -> int:
-    import resource  # not on every system, as MPI
-
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return int(peak if sys.platform == "darwin" else 1024 * peak)
-
-
-def send(comm: Any, arrays: list[Any], rank: int) -> None:
-    """Send arrays of any size."""
-    arrays = [_plain(array) for array in arrays]
-    comm.send([(array.shape, array.dtype.str) for array in arrays], dest=rank)
-    for array in arrays:
-        for piece in _pieces(array):
-            comm.Send(piece, dest=rank)
-
-
-def receive(comm: Any, rank: int) -> list[Any]:
-    """Receive what another rank sends."""
-    arrays = [np.empty(shape, dtype) for shape, dtype in comm.recv(source=rank)]
-    for array in arrays:
-        for piece in _pieces(array):
-            comm.Recv(piece, source=rank)
-    return arrays
-
-
-def _plain(array: Any) -> Any:
-    """In the order of memory and of bytes that MPI sends, and of a type that does not name the latter.
-
-    >>> named = np.zeros((2, 1), dtype=np.dtype(float).newbyteorder("<"))
-    >>> memoryview(named).format, memoryview(_plain(named)).format
-    ('<d', 'd')
-    """
-    plain = np.dtype(array.dtype.type)
-    return np.ascontiguousarray(array.astype(plain, copy=False)).view(plain)
-
-
-def _pieces(array: Any) -> Iterator[Any]:
-    flat = array.reshape(-1)
-    return (flat[first : first + AT_ONCE] for first in range(0, len(flat), AT_ONCE))
 
 
 def csr_of(parts: list[Array], shape: tuple[int, int]) -> csr_matrix:

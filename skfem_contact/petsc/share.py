@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array
 from skfem_contact.errors import LinearSolveError
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
 
 # Of PETSc's options on the command line.
 PREFIX = "sc_"

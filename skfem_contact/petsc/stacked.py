@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import block_diag, csr_matrix, diags, vstack
 
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.member import Member
 from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.linalg.backend import Stacked
@@ -28,9 +29,7 @@ from skfem_contact.petsc.share import Settings
 from skfem_contact.petsc.stiffness import Alive, DistributedStiffness, RankedStiffness, Rows
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
 Index = NDArray[Any]
-Mask = NDArray[np.bool_]
 
 
 class StackedStiffness(DistributedStiffness, Stacked):

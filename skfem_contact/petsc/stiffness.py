@@ -9,17 +9,15 @@ import weakref
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.remote import RemoteStiffness
 from skfem_contact.errors import InputError
 from skfem_contact.petsc.ranks import Ranks
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Triples = tuple[Index, Index, Array]
 
 
@@ -68,13 +66,13 @@ class RankedStiffness(DistributedStiffness):
 
     added: csr_matrix | None = None
 
-    def __init__(self, own: Ranks, key: int, told: list[list[Array]]) -> None:
+    def __init__(self, own: Ranks, key: int, told: list[list[Any]]) -> None:
         self.own, self.key = own, key
         self.places = [part[0].astype(np.int32, copy=False) for part in told]
         self.columns = [part[1].astype(np.int32, copy=False) for part in told]
         n = sum(map(len, self.places))
         self.shape = n, n
-        self.nnz = int(sum(part[3][0] for part in told))
+        self.nnz = int(sum(part[3] for part in told))
         diagonal = np.empty(n)
         for place, part in zip(self.places, told, strict=True):
             diagonal[place] = part[2]

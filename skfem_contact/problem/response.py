@@ -7,13 +7,11 @@ given linear friction law on the rest (`Conditions`), what are the gaps, slips a
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.arrays import largest, lengths
 from skfem_contact.digits import SOLVED
 from skfem_contact.records import dataclass
 
@@ -103,14 +101,6 @@ class Response:
     tangential_force: Array
     solution: Array
     rough: bool = False
-
-    @cached_property
-    def largest_force(self) -> float:
-        """The largest normal or tangential force at a point [force]."""
-        forces = np.abs(self.normal_force)
-        if self.tangential_force.shape[1]:
-            forces = np.maximum(forces, lengths(self.tangential_force))
-        return largest(forces)
 
 
 class Resistance(NamedTuple):

@@ -15,8 +15,7 @@ from scipy.sparse import bmat, csr_matrix, diags, hstack, identity, vstack
 
 from skfem_contact.conditions.kinematics import Kinematics, prescribed_rows
 from skfem_contact.conditions.rows import tangential_matrix
-from skfem_contact.elimination.constraint import AffineConstraint
-from skfem_contact.elimination.transformation import eliminate
+from skfem_contact.elimination.constraint import AffineConstraint, eliminate
 from skfem_contact.errors import ConstraintError
 from skfem_contact.linalg.backend import Stacked
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, friction_force

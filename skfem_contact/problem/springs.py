@@ -97,7 +97,7 @@ def least_friction(
     >>> of.tolist(), np.round(forces, 12).tolist()
     ([0, 1], [3.0, 0.0])
     """
-    from skfem_contact.elimination.transformation import eliminate
+    from skfem_contact.elimination.constraint import eliminate
 
     found = eliminate(rows, np.zeros(len(force)))
     more, kept = found.redundant, found.rows_kept

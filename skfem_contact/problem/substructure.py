@@ -408,8 +408,11 @@ def anchors(body: Body, wanted: Index, modes: Array) -> Index:
     """
     R = modes / largest(modes)
     points, chosen = body.dof_points, np.zeros(0, dtype=int)
-    touched = np.zeros(body.n, dtype=bool)
-    touched[body.D], touched[wanted] = True, True
+    # DOFs of one node have one number, as irrational weights make of its place
+    node = sum(np.sqrt(w) * x for w, x in zip((2.0, 3.0, 5.0), points.T, strict=False))
+    # of a node that contact touches too: rows of two anchors would make that of a gap
+    touched = np.isin(node, node[wanted])
+    touched[body.D] = True
     for part in np.unique(body.parts[wanted]):
         mine = body.parts == part
         modes = R[:, [np.any(mode[mine]) for mode in R.T]]
@@ -428,13 +431,10 @@ def anchors(body: Body, wanted: Index, modes: Array) -> Index:
                 distance[body.D] = -1.0
             distance[~mine] = -1.0
             distance[chosen] = -1.0
-            place = points[np.argmax(distance)]
-            node = mine.copy()
-            for x, there in zip(points.T, place, strict=True):
-                node &= x == there
-            node[body.D] = False
-            chosen = np.union1d(chosen, np.flatnonzero(node))
-            seeds = np.concatenate([seeds, place[None]])
+            found = np.argmax(distance)
+            here = np.setdiff1d(np.flatnonzero(mine & (node == node[found])), body.D)
+            chosen = np.union1d(chosen, here)
+            seeds = np.concatenate([seeds, points[[found]]])
     return chosen
 
 

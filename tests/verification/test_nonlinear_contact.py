@@ -171,27 +171,6 @@ def test_ironing_on_three_meshes() -> None:
     assert_allclose(ratios, 0.3, atol=0.01)
 
 
-def test_a_fluid_presses_the_deformed_boundary() -> None:
-    """The load of a pressure on any deformed curve is that on its chord; axisymmetric on its shadow."""
-    mesh = fem.MeshQuad().refined(3).translated((1.0, 0.0)).with_defaults()
-    for element in (fem.ElementQuad1(), fem.ElementQuad2()):
-        basis = fem.Basis(mesh, fem.ElementVector(element), intorder=4)
-        x, y = basis.doflocs
-        for given in ({}, {"measure": lambda x: 2 * np.pi * x[0]}):
-            body = sc.NonlinearBody(basis, sc.materials.NeoHooke.of(1.0, 0.3), **given)
-            u = np.where(body.dof_component == 0, 0.1 * y + 0.2 * y**2, 0.3 * x * y)
-            f = body.pressed("right", 0.7, u)
-            low = np.array([2.0, 0.0]), np.array([2.3, 1.6])
-            if given:  # along the axis: the pressure times the area between the radii at both ends
-                expected = 0.7 * np.pi * (low[1][0] ** 2 - low[0][0] ** 2)
-            else:
-                assert f[body.dof_component == 0].sum() == pytest.approx(-0.7 * 1.6, rel=1e-12)
-                expected = 0.7 * (low[1][0] - low[0][0])
-            assert f[body.dof_component == 1].sum() == pytest.approx(expected, rel=1e-12)
-    with pytest.raises(sc.errors.InputError, match="did you mean 'right'"):
-        body.pressed("rihgt", 1.0)
-
-
 def test_limit_load_of_a_round_punch() -> None:
     """A flat smooth round punch into perfect plasticity: 2.845 times the yield stress (Ishlinsky).
 

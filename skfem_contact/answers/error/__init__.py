@@ -1,6 +1,5 @@
 """The discretisation error of tractions, estimated from the answer alone.
 
-* `sources`: what is estimated;
-* `net`, `surface`: from the surface, by what the values around each node tell;
+* `surface`: from the surface, by what the values around each node tell;
 * `estimate`: from the bodies behind it, and all together, with advice.
 """

@@ -29,7 +29,7 @@ the distance: what they do wrong reaches the contact as a field that varies litt
 
 An answer is not rated, and its total NaN, where one of them is not known: `chords` of second-order
 faces that stand straight for a curve, `scatter` where all points are near ends of the surface; and
-where a body locks (`validity.locking`), since its answer shows nothing of that error.
+where a body locks (`validity.strain`), since its answer shows nothing of that error.
 
 What no answer shows of itself is not in it: what else curved bodies lose with straight facets, load
 steps too long for a history that depends on the path, the limits of the linear theory.
@@ -41,29 +41,23 @@ from dataclasses import replace
 
 import numpy as np
 import skfem
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from skfem.element import DiscreteField
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.error.net import Net
-from skfem_contact.answers.error.sources import Elements, ErrorEstimate, ErrorSources
-from skfem_contact.answers.error.surface import SurfaceError, chords_error, net_of
+from skfem_contact.answers.error.surface import Net, SurfaceError, chords_error, net_of
 from skfem_contact.answers.thresholds import FARTHEST, LOCKED
-from skfem_contact.answers.validity.locking import lockable, locked
-from skfem_contact.answers.values import ContactValues
+from skfem_contact.answers.validity.strain import lockable, locked
+from skfem_contact.answers.values import ContactValues, Elements, ErrorEstimate, ErrorSources
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.rows import compliance_scale
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import SOLVED
-from skfem_contact.pairing.joints import rim_points
+from skfem_contact.pairing.projection import rim_points
 from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 #: The parts of an answer that is not rated.
 UNKNOWN = ErrorSources(*[np.nan] * 6)

@@ -1,23 +1,25 @@
 r"""What an answer may be differentiated by, and how a load step changes with it.
 
-Whatever a parameter is, a step sees five changes of it: of the loads and prescribed displacements, of
-gaps and slips, and of the friction of points that slip, at the state that it has. The stiffness is one
-of them: the bodies bear ``-dK u`` as a load. So is all that makes another scene, such as the place of
-nodes (semi-analytic): what two scenes, a little to either side, make of the same displacements and
-contact forces, without solving either.
+Whatever a parameter is, a step sees a few changes of it: of the loads and prescribed displacements, of
+gaps and slips, of the friction of points that slip, at the state that it has, and of bolts. The
+stiffness is a load, ``-dK u``. So is all that makes another scene, such as the place of nodes
+(semi-analytic): what two scenes, a little to either side, make of the same displacements and contact
+forces, without solving either.
 """
 
 from __future__ import annotations
 
-from dataclasses import field
+from copy import copy
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_matrix
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.tangent.tangent import Tangent
+from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import known_keywords, numbers, shown
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.member import Member
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.friction import Coulomb, Tresca
@@ -25,9 +27,7 @@ from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import transport
 from skfem_contact.errors import InputError
-from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
 #: What changes loads of bodies, so that derivatives by these are needed inside; then what does not.
 LOADS = "stiffness", "load", "displacement", "scene"
 BOLTS = "bolt_force", "bolt_stretch"
@@ -35,68 +35,8 @@ GAPS = "interference", "gap"
 KINDS = "friction", *LOADS, *GAPS, "motion", *BOLTS
 
 
-@dataclass(eq=False)
-class Change:
-    """What a parameter changes of one load step, at the state that it has.
-
-    Attributes
-    ----------
-    f, x : ndarray, shape (n,)
-    gap0 : ndarray, shape (m,)
-    slip0 : ndarray, shape (m, d-1)
-    friction : ndarray, shape (m, d-1)
-        Of the friction force that the return map makes of the same trial force [force].
-    bound : ndarray, shape (m,)
-        Of the bound of friction under the same normal force [force].
-    drive, tension : ndarray, shape (b,)
-        Of the stretch of bolts, at the same displacements, and of their forces at the same stretch too.
-    shape : dict of ndarray
-        Of areas, normals and axes, as `Weights.points` has them; empty where they stay.
-    """
-
-    f: Array
-    x: Array
-    gap0: Array
-    slip0: Array
-    friction: Array
-    bound: Array
-    drive: Array
-    tension: Array
-    shape: dict[str, Array] = field(default_factory=dict)
-
-    @classmethod
-    def none(cls, answer: Answer, loads: bool = True) -> Change:
-        """No change; without `loads` f and x are empty."""
-        m, t = answer.local.slip.shape
-        n, still = answer.system.n if loads else 0, np.zeros((m, t))
-        bolts = np.zeros((2, len(answer.bolt_names)))
-        return cls(np.zeros(n), np.zeros(n), np.zeros(m), still, still.copy(), np.zeros(m), *bolts)
-
-    @property
-    def parts(self) -> tuple[Array, ...]:
-        """The changes of loads, of the contact, of its friction, and of bolts."""
-        contact = self.gap0, self.slip0, self.friction, self.bound
-        return self.f, self.x, *contact, self.drive, self.tension
-
-    def dot(self, by: Change) -> float:
-        """What it makes of a number that has these derivatives, but for `shape`."""
-        return sum(float(np.vdot(a, b)) for a, b in zip(self.parts, by.parts, strict=True) if b.size)
-
-    @property
-    def case(self) -> LoadCase:
-        """Return what the bodies and the points see of it, as a load case."""
-        return LoadCase(self.f, self.x, self.gap0, self.slip0, np.zeros(len(self.gap0)), ())
-
-    def minus(self, other: Change, factor: float) -> Change:
-        """The difference to another one, times a factor."""
-        shape = {name: factor * (own - other.shape.get(name, 0.0)) for name, own in self.shape.items()}
-        parts = [factor * (own - away) for own, away in zip(self.parts, other.parts, strict=True)]
-        f, x, gap0, slip0, friction, bound, drive, tension = parts
-        return Change(f, x, gap0, slip0, friction, bound, drive, tension, shape)
-
-
 class Parameter:
-    r"""What an answer is differentiated by: one number, or a field of them.
+    r"""A parameter by which answers are differentiated: one number, or a field of them.
 
     Parameters
     ----------
@@ -174,84 +114,94 @@ class Parameter:
         return f"Parameter({', '.join(said)})"
 
 
-def parameter(given: Any) -> Parameter:
-    """Return what `by` names: a `Parameter`, or its kind alone."""
-    return given if isinstance(given, Parameter) else Parameter(given)
+def parameters(by: Any, many: bool) -> tuple[Parameter, ...]:
+    """What `by` names, by parameters or their kinds alone; one number each, if not `many`."""
+    given = [by] if isinstance(by, str | Parameter) else list(by)
+    found = tuple(p if isinstance(p, Parameter) else Parameter(p) for p in given)
+    if not found:
+        raise InputError("by is empty: name what to differentiate by, by=['friction']")
+    for p in found:
+        if not many and (p.field or p.each_step):
+            raise InputError(
+                f"{p!r} is many numbers, which are for gradient; give a direction, along=..., here"
+            )
+    return found
 
 
-def change(by: Parameter, tangent: Tangent) -> Change:
-    """Return what a number changes of the load step of an answer."""
-    answer, out = tangent.answer, Change.none(tangent.answer)
-    if by.kind == "scene":
-        return _between(by, tangent)
-    if by.kind in BOLTS:
-        if bolts := tangent.bolts:
-            named = bolts.given if by.kind == "bolt_force" else ~bolts.given & ~bolts.kept
-            along = np.where(named & _bolts(by, answer), 1.0 if by.along is None else by.along, 0.0)
-            out.drive = along / np.where(bolts.given, bolts.k, 1.0)
-        return out
+def change(by: Parameter, tangent: Tangent) -> Values:
+    """What a number changes of the load step of an answer, at the state that it has, by name.
+
+    Loads f and x (n,); gap0 (m, 1) and slip0 (m, d-1); of the friction force that the return map makes
+    of the same trial force, `mapped` (m, d-1), and of its bound under the same normal force (m, 1); of
+    the stretch of bolts at the same displacements, `drive`, and of their tension at the same stretch
+    too (b,); of area (m, 1), normal (m, d) and axes.
+    """
+    if by.kind in SINGLE:
+        return SINGLE[by.kind](by, tangent)
+    answer, out = tangent.answer, Values()
+    own = {"load": answer.case.applied, "displacement": answer.case.x}.get(by.kind)
     for i, at in _places(by, answer):
-        if by.kind == "stiffness":
-            out.f[at] = -_borne(by, tangent, i)
-            continue
-        own = {"load": answer.case.applied, "displacement": answer.case.x}.get(by.kind)
         for name, factor in _factors(by, tangent, i, at):
-            count = factor.shape[-1]
+            count = factor.shape[-1] if by.kind == "motion" else len(factor)
             if by.along is None:
                 values = np.ones(count) if own is None else own[at]
             else:
                 values = _field(by, by.along, count)
-            getattr(out, name)[at] = factor @ values if by.kind == "motion" else (factor * values).T
-    if by.kind == "stiffness":
-        out.drive, out.tension = _pulled(tangent, -out.f)
-    elif by.kind in GAPS:
-        out.gap0 = np.where(answer.kin.paired, answer.kin.of_rows(out.gap0), 0.0)
-    D, x = answer.system.D, out.x
-    out.x = np.zeros(len(x))
-    out.x[D] = x[D]
+            found = np.einsum("iwd,d->iw" if by.kind == "motion" else "iw,i->iw", factor, values)
+            size = (answer.system.n,) if name in "fx" else (answer.kin.m, found.shape[1])
+            whole = out.setdefault(name, np.zeros(size))
+            whole[at] = found.reshape(whole[at].shape)
+    if by.kind in GAPS:
+        kin = answer.kin
+        out["gap0"] = np.where(kin.paired[:, None], kin.of_rows(out["gap0"]), 0.0)
     return out
 
 
-def contracted(by: Parameter, tangent: Tangent, duals: Change, weights: Any) -> Any:
+def contracted(by: Parameter, tangent: Tangent, duals: Values) -> Any:
     """Derivative of a number by a parameter in one step: a number, or the array of a field.
 
     From its derivatives by all changes of the step: `change` transposed.
     """
     if not by.field:
         found = change(by, tangent)
-        return found.dot(duals) + weights.at(found.shape)
+        return sum(float(np.vdot(own, duals[name])) for name, own in found.items() if name in duals)
     kin, places = tangent.answer.kin, _places(by, tangent.answer)
     if len(places) != 1:
         raise InputError(f"{by!r}: a field is of one body or contact; name it, of=...")
-    [(i, at)], total = places, 0.0
+    [(i, at)] = places
+    total = 0.0
     for name, factor in _factors(by, tangent, i, at):
-        dual, count = getattr(duals, name), factor.shape[-1]
+        dual = duals[name]
         if by.kind in GAPS:
-            dual = np.where(kin.paired, dual, 0.0)
+            dual = np.where(kin.paired[:, None], dual, 0.0)
             dual = dual if kin.gap_weights is None else kin.gap_weights.T @ dual
-        dual = dual[at]
-        each = dual[..., None] * factor if by.kind == "motion" else dual.T * factor
-        total = total + each.reshape(-1, count).sum(axis=0)
+        own = dual[at].reshape(len(factor), -1)
+        total = total + np.einsum("iwd,iw->d" if by.kind == "motion" else "iw,iw->i", factor, own)
     return total
 
 
 def _factors(by: Parameter, tangent: Tangent, i: int, at: slice) -> list[tuple[str, Array]]:
-    """What a parameter changes of its body or contact, over its values there, (..., count).
+    """What a parameter changes of its body or contact, by name.
 
-    Each with its name; of every point or DOF by the value there, of a motion by all its components.
+    Over the value at the same DOF or point, (count, width); of a motion, over its components, (m_c,
+    width, d).
     """
     answer, kin = tangent.answer, tangent.answer.kin
     if by.kind in LOADS:
-        share = 1.0 if by.along is None and not by.field else _factor(by, answer, i)
-        return [("f" if by.kind == "load" else "x", np.full(at.stop - at.start, share))]
+        load, body = by.kind == "load", answer.system.bodies[i]
+        share: Array | float = 1.0
+        if by.field or by.along is not None:  # of a body in a step over those that a user gives
+            factor, scale = answer.case.scale[0 if load else 1], answer.system.scale(body)
+            share = (1.0 / scale if load else scale) * (1.0 if factor is None else factor)
+        return [("f" if load else "x", np.broadcast_to(share, body.n)[:, None])]
     if by.kind == "friction":
-        steep = by_coefficient(tangent, i, at)
-        return [("bound", steep), ("friction", tangent.direction[at].T * steep)]
+        steep = by_coefficient(tangent, i, at)[:, None]
+        return [("bound", steep), ("mapped", tangent.direction[at] * steep)]
     if by.kind == "motion":
-        paired = kin.paired[at, None]
-        axes = np.where(paired[..., None], -kin.axes[at], 0.0)
-        return [("gap0", np.where(paired, -kin.normal[at], 0.0)), ("slip0", axes)]
-    return [("gap0", np.full(at.stop - at.start, 1.0 if by.kind == "gap" else -1.0))]
+        paired = kin.paired[at, None, None]
+        normal, axes = kin.normal[at, None], kin.axes[at]
+        return [("gap0", np.where(paired, -normal, 0.0)), ("slip0", np.where(paired, -axes, 0.0))]
+    return [("gap0", np.full((len(kin.normal[at]), 1), 1.0 if by.kind == "gap" else -1.0))]
 
 
 def by_coefficient(tangent: Tangent, i: int, part: slice) -> Array:
@@ -270,7 +220,7 @@ def by_coefficient(tangent: Tangent, i: int, part: slice) -> Array:
     return np.where((free | np.isinf(law.tau_max)) & tangent.closed[part], force, 0.0)
 
 
-def _between(by: Parameter, tangent: Tangent) -> Change:
+def _between(by: Parameter, tangent: Tangent) -> Values:
     """Changes between two scenes, at the displacements and forces of the answer."""
     assert by.between is not None
     *ends, width = by.between
@@ -280,61 +230,112 @@ def _between(by: Parameter, tangent: Tangent) -> Change:
             f"{by!r}: the two scenes and the solver differ in their DOFs, points, or in which points "
             "have a partner; nodes may move, and must stay the same. Take a smaller width."
         )
-    if answer.kin.scaled is not None:
-        raise InputError(f"{by!r}: not with OrthotropicCoulomb, whose directions turn with the surface")
+    axes = [s.kin.axes.round(12).tobytes() for s in (*ends, answer)]
+    if answer.kin.scaled is not None and len(set(axes)) != 1:
+        raise InputError(
+            f"{by!r}: axes of OrthotropicCoulomb differ between the scenes. Leave the surface where it "
+            "is, and change both coefficients by one factor."
+        )
     less, more = (_in_scene(solver, tangent) for solver in ends)
-    return more.minus(less, 1.0 / width)
+    return {name: (more[name] - less[name]) / width for name in less}
 
 
-def _in_scene(solver: Any, tangent: Tangent) -> Change:
+def _in_scene(solver: Any, tangent: Tangent) -> Values:
     """What a scene makes of the displacements and forces of an answer, with loads and geometry."""
     answer, local, u = tangent.answer, tangent.local, tangent.answer.u
-    kin, case, bodies = solver.kin, _case_there(solver, answer), answer.system.bodies
-    stiffness = zip(solver.linear_model.stiffness, bodies, strict=True)
-    borne = np.concatenate([K @ answer.stretched(body) for K, body in stiffness])
+    kin, case = solver.kin, _case_there(solver, answer)
+    bodies = zip(answer.system.bodies, solver.system.bodies, solver.linear_model.stiffness, strict=True)
+    borne = np.concatenate([_borne(there, K, answer.stretched(body)) for body, there, K in bodies])
     f = case.f - borne + kin.B_n.T @ local.normal_force
     gap0 = np.where(kin.paired, case.gap0, 0.0) + np.where(kin.paired, kin.B_n @ u, 0.0)
-    slip0, bound = case.slip0, np.zeros(kin.m)
-    friction, axes = np.zeros(local.slip.shape), kin.axes
-    if friction.size:
-        own = _turned(answer, kin)
-        slip0 = np.einsum("ikl,il->ik", own, slip0 + (kin.B_t @ u).reshape(slip0.shape))
-        f = f - kin.B_t.T @ np.einsum("ikl,ik->il", own, local.tangential_force).ravel()
+    out = {"f": f, "x": case.x, "gap0": gap0[:, None], "area": kin.area[:, None], "normal": kin.normal}
+    if local.slip.size:
+        # tangents in space are a choice, which jumps: those of the answer are turned to these normals
+        turned = transport(answer.kin.axes.swapaxes(0, 1), answer.kin.normal, kin.normal)
+        own = np.einsum("kid,ild->ikl", turned, kin.axes)
+        if kin.scaled is not None:  # and stay, see above
+            own = np.broadcast_to(np.eye(kin.tangents), own.shape)
+        out["slip0"] = np.einsum(
+            "ikl,il->ik", own, case.slip0 + (kin.B_t @ u).reshape(local.slip.shape)
+        )
+        out["f"] = f - kin.B_t.T @ np.einsum("ikl,ik->il", own, local.tangential_force).ravel()
         rule = FrictionRule(solver.interface.laws, kin.area, local.reference)
         trial = np.where(tangent.slips[:, None], tangent.slopes.trial, 0.0)
-        friction = rule.project(trial, local.normal_force, local.slip)[0]
-        bound = np.where(tangent.closed, rule.bound(local.normal_force, local.slip), 0.0)
-        axes = np.einsum("ikl,ild->ikd", own, kin.axes)
-    shape = {"area": kin.area[:, None], "normal": kin.normal, "axes": axes.reshape(kin.m, -1)}
-    return Change(f, case.x, gap0, slip0, friction, bound, *_pulled(tangent, borne), shape)
-
-
-def _turned(answer: Answer, kin: Any) -> Array:
-    """Components along the tangents of an answer from those of another scene, (m, d-1, d-1).
-
-    Tangents in space are a choice, which jumps: those of the answer are turned to the other normals.
-    """
-    along = np.stack(
-        [transport(axis, answer.kin.normal, kin.normal) for axis in answer.kin.axes.transpose(1, 0, 2)],
-        axis=1,
-    )
-    return np.asarray(np.einsum("ikd,ild->ikl", along, kin.axes))
+        out["mapped"] = rule.project(trial, local.normal_force, local.slip)[0]
+        bound = rule.bound(local.normal_force, local.slip)
+        out["bound"] = np.where(tangent.closed, bound, 0.0)[:, None]
+        out["axes"] = np.einsum("ikl,ild->ikd", own, kin.axes).reshape(kin.m, -1)
+    return out | _pulled(tangent, borne)
 
 
 def _case_there(solver: Any, answer: Answer) -> LoadCase:
     """The load case of an answer as another solver of the scene reads it."""
-    from copy import copy
-
     reader, case = solver._reader, copy(answer.case)
     case.f = answer.case.applied  # without the load of bolts
-    given = np.array(case.interference)
-    for part, own, values in zip(
-        answer.model.interface.point_slices, case.own, reader._own, strict=True
-    ):
+    case.interference = given = np.array(case.interference)
+    points = answer.model.interface.point_slices
+    for part, own, values in zip(points, case.own, reader._own, strict=True):
         if own:
             given[part] = values
-    case.interference = given
-    return reader.resumed(case, case.x)
+    found: LoadCase = reader.resumed(case, case.x)
+    return found
+
+
+# -- bolts, and what bodies bear ------------------------------------------------------------------
+
+
+def _drawn(by: Parameter, tangent: Tangent) -> Values:
+    """Of bolts whose force or stretch a load step gives."""
+    answer, bolts = tangent.answer, tangent.bolts
+    if bolts is None or answer.bolts is None:
+        return {}
+    known = zip(answer.bolt_names, answer.bolts.bolts, strict=True)
+    named = np.array([by.of is None or by.of == name or by.of is bolt for name, bolt in known])
+    if not named.any():
+        raise InputError(f"{by!r}: there is no such bolt; there are {', '.join(answer.bolt_names)}.")
+    given = tangent.tightened if by.kind == "bolt_force" else ~tangent.tightened & ~tangent.locked
+    along = np.where(named & given, 1.0 if by.along is None else by.along, 0.0)
+    return {"drive": along / np.where(tangent.tightened, bolts.k, 1.0)}
+
+
+def _stiffer(by: Parameter, tangent: Tangent) -> Values:
+    """Of the stiffness of bodies, by what a change of it makes them bear, bolts drawn together."""
+    answer, bolts = tangent.answer, tangent.bolts
+    borne = np.zeros(answer.system.n)
+    for i, at in _places(by, answer):
+        body = answer.system.bodies[i]
+        u = answer.stretched(body)
+        if hasattr(by.along, "tocsr"):
+            K = by.along.tocsr()
+            if K.shape != (body.n, body.n):
+                raise InputError(
+                    f"{by!r}: along has shape {K.shape}; a body of {body.n} DOFs was named"
+                )
+            borne[at] = answer.system.scaled(body, K) @ u
+            continue
+        borne[at] = _borne(body, answer.stiffness[i], u)
+        if bolts:  # the stiffness of a step that gives their forces lets them slide
+            P = bolts.pulls[:, at]
+            borne[at] += P.T @ np.where(tangent.tightened, P @ u / bolts.k, 0.0)
+        borne[at] *= 1.0 if by.along is None else float(by.along)
+    return {"f": -borne} | _pulled(tangent, borne)
+
+
+def _borne(body: Member, K: csr_matrix, u: Array) -> Array:
+    """Internal forces of a body, (n_body,)."""
+    return np.asarray(body.linearize(u)[1] if body.nonlinear else K @ u)
+
+
+def _pulled(tangent: Tangent, borne: Array) -> Values:
+    """Changes of stretch and force of bolts, from those of what all bodies bear, (n,)."""
+    if (bolts := tangent.bolts) is None:
+        return {}
+    tension = np.asarray(bolts.slides @ borne)
+    return {"drive": np.where(tangent.tightened, -tension / bolts.k, 0.0), "tension": tension}
+
+
+#: What is one number, and has no field.
+SINGLE = {"scene": _between, "stiffness": _stiffer, "bolt_force": _drawn, "bolt_stretch": _drawn}
 
 
 # -- whose ----------------------------------------------------------------------------------------
@@ -342,72 +343,26 @@ def _case_there(solver: Any, answer: Answer) -> LoadCase:
 
 def _places(by: Parameter, answer: Answer) -> list[tuple[int, slice]]:
     """Bodies of a parameter with their DOFs, or contacts with their points."""
-    if by.kind not in LOADS:
-        return _contacts(by, answer)
-    system = answer.system
-    if isinstance(by.of, Contact):
-        raise InputError(f"{by!r}: of is a contact; name a body")
-    some = range(len(system.bodies)) if by.of is None else [system.index(by.of)]
-    return [(i, system.slice(system.bodies[i])) for i in some]
-
-
-def _contacts(by: Parameter, answer: Answer) -> list[tuple[int, slice]]:
-    """Contacts of a parameter, with their points."""
-    names, contacts = answer.names, list(enumerate(answer.contacts))
-    if by.of is None:
-        lacks = {"friction": "friction", "motion": "rigid"}.get(by.kind, "name")
-        some = [i for i, contact in contacts if lacks == "name" or getattr(contact, lacks)]
-    else:
-        some = [i for i, contact in contacts if by.of == names[i]]
-        if by.kind == "motion":
-            some = some or [i for i, c in contacts if c.rigid and by.of == c.primary.name]
-        i = None if some else number_of(by.of, answer.contacts)
-        some = some if i is None else [i]
-    if not some and by.of is not None:
-        raise InputError(f"{by!r}: there is no such contact; there are {', '.join(map(repr, names))}.")
+    if by.kind in LOADS:
+        system = answer.system
+        if isinstance(by.of, Contact):
+            raise InputError(f"{by!r}: of is a contact; name a body")
+        bodies = system.bodies if by.of is None else [system.bodies[system.index(by.of)]]
+        return [(system.bodies.index(body), system.slice(body)) for body in bodies]
+    names, contacts = answer.names, answer.contacts
+    motion, number = by.kind == "motion", number_of(by.of, contacts)
+    has = [c.rigid if motion else bool(c.friction) or by.kind != "friction" for c in contacts]
+    some = [i for i, own in enumerate(has) if own and by.of is None]
+    if by.of is not None:
+        some = [i for i, name in enumerate(names) if name == by.of]
+        if motion and not some:
+            some = [i for i, c in enumerate(contacts) if c.rigid and c.primary.name == by.of]
+        if number is not None:
+            some = [number]
+        if not some:
+            known = ", ".join(map(repr, names))
+            raise InputError(f"{by!r}: there is no such contact; there are {known}.")
     return [(i, answer.model.interface.point_slices[i]) for i in some]
-
-
-def _bolts(by: Parameter, answer: Answer) -> NDArray[np.bool_]:
-    """Bolts of a parameter, as a mask (b,)."""
-    assert answer.bolts is not None
-    known = list(zip(answer.bolt_names, answer.bolts.bolts, strict=True))
-    found = np.array([by.of is None or by.of == name or by.of is bolt for name, bolt in known])
-    if not found.any():
-        raise InputError(f"{by!r}: there is no such bolt; there are {', '.join(answer.bolt_names)}.")
-    return found
-
-
-def _pulled(tangent: Tangent, borne: Array) -> tuple[Array, Array]:
-    """Changes of stretch and force of bolts, from those of what all bodies bear, (n,)."""
-    if (bolts := tangent.bolts) is None:
-        return np.zeros(0), np.zeros(0)
-    tension = np.asarray(bolts.slides @ borne)
-    return np.where(bolts.given, -tension / bolts.k, 0.0), tension
-
-
-def _borne(by: Parameter, tangent: Tangent, i: int) -> Array:
-    """What a change of the stiffness of a body makes it bear, its bolts drawn together, (n_body,)."""
-    answer = tangent.answer
-    body, u = answer.system.bodies[i], answer.stretched(answer.system.bodies[i])
-    if not hasattr(by.along, "tocsr"):
-        borne, bolts = answer.stiffness[i] @ u, tangent.bolts
-        if bolts:  # the stiffness of a step that gives their forces lets them slide
-            span = answer.system.slice(body)
-            P = bolts.P[:, span]
-            borne = borne + P.T @ np.where(bolts.given, P @ u / bolts.k, 0.0)
-        return np.asarray((1.0 if by.along is None else float(by.along)) * borne)
-    K = by.along.tocsr()
-    if K.shape != (body.n, body.n):
-        raise InputError(f"{by!r}: along has shape {K.shape}; a body of {body.n} DOFs was named")
-    return np.asarray(answer.system.scaled(body, K) @ u)
-
-
-def _factor(by: Parameter, answer: Answer, i: int) -> Any:
-    """Of the loads or displacements of a body in a step over those that a user gives."""
-    scale, of_step = answer.system.scale(answer.system.bodies[i]), answer.case.scale
-    own = (1.0 / scale, of_step[0]) if by.kind == "load" else (scale, of_step[1])
-    return own[0] * (1.0 if own[1] is None else own[1])
 
 
 def _field(by: Parameter, given: ArrayLike, count: int) -> Array:

@@ -29,16 +29,16 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.tangent.tangent import Tangent, held_rows, left_free
 from skfem_contact.arguments import shown
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.state import OPEN, STICK
-from skfem_contact.digits import SOLVED
+from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.elimination.constraint import AffineConstraint
-from skfem_contact.errors import InputError
+from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
 SLIPPING = "stuck", "free", "steady"
 MASSLESS = (
     "modes were not found: the mass matrix is singular on what is free to move, or not positive. "
@@ -114,22 +114,19 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
     count = len(trial.independent)
     if n > count:
         raise InputError(f"n = {n} modes of {count} DOFs that are free to move")
-    K_r, M_r = test.T.T @ K @ trial.T, test.T.T @ M @ trial.T
-    inertia, resisted = trial.T.T @ M @ trial.T, trial.T.T @ K @ trial.T
-    heavy = inertia.diagonal().sum()
+    K_r, M_r = trial.T.T @ K @ trial.T, trial.T.T @ M @ trial.T
+    heavy = M_r.diagonal().sum()
     if not heavy > 0:
         raise InputError(MASSLESS)
-    shift = float(resisted.diagonal().sum() / heavy) / count
+    shift = float(K_r.diagonal().sum() / heavy) / count
+    if test is not trial:
+        K_r, M_r = test.T.T @ K @ trial.T, test.T.T @ M @ trial.T
+    points = np.concatenate([body.dof_points for body in system.bodies])[trial.independent]
     try:
         with single_threaded():
-            if n > count - 2:  # beyond what ARPACK finds
-                squares, found = eig(K_r.toarray(), M_r.toarray())
-            elif test is trial:
-                squares, found = _symmetric(K_r, M_r, shift, n, system, trial)
-            else:
-                squares, found = _unsymmetric(K_r, M_r, shift, n)
+            squares, found = _nearest(K_r, M_r, shift, n, points if test is trial else None)
         _check(K_r, M_r, squares, found, shift)
-    except ArpackError as error:
+    except (ArpackError, SingularMatrix) as error:
         raise InputError(f"{MASSLESS} ({error})") from None
     # rigid motions are found to round-off of the shift
     squares = np.where(np.abs(squares) <= SOLVED * shift, 0.0, squares)
@@ -184,22 +181,34 @@ def _constraints(answer: Answer, slipping: str) -> tuple[AffineConstraint, Affin
     return trial, left_free(held_rows(answer.kin, closed, stick, slope), system)
 
 
-def _symmetric(
-    K: csr_matrix, M: csr_matrix, shift: float, n: int, system: System, trial: AffineConstraint
+def _nearest(
+    K: csr_matrix, M: csr_matrix, shift: float, n: int, points: Array | None
 ) -> tuple[Array, Array]:
-    points = np.concatenate([body.dof_points for body in system.bodies])[trial.independent]
-    factor = Direct().factorize(csr_matrix(K + shift * M), points=points)
-    inverse = LinearOperator(K.shape, factor.solve, dtype=float)
-    start = M @ np.ones(len(points))
-    squares, found = eigsh(K, n, M, -shift, which="LM", OPinv=inverse, v0=start)
-    return squares, found
+    """Eigenvalues and vectors nearest to the shift: by ARPACK, or of the few DOFs that have a mass.
 
-
-def _unsymmetric(K: csr_matrix, M: csr_matrix, shift: float, n: int) -> tuple[Array, Array]:
-    """Those nearest to the shift; one more, as conjugates come in pairs."""
-    factor = Direct().factorize(csc_matrix(K + shift * M), spd=False)
-    operator = LinearOperator(K.shape, lambda v: factor.solve(M @ v), dtype=float)
-    found, vectors = eigs(operator, n + 1 if n + 1 < K.shape[0] - 1 else n, v0=np.ones(K.shape[0]))
+    Of a symmetric pencil, whose DOFs are at `points`; or of any, and one more then, as conjugates come
+    in pairs.
+    """
+    if points is not None:
+        factor = Direct().factorize(csr_matrix(K + shift * M), points=points)
+    else:
+        factor = Direct().factorize(csc_matrix(K + shift * M), spd=False)
+    heavy = np.flatnonzero(abs(M).sum(axis=0))
+    if len(heavy) <= max(20, 2 * n + 2):  # what ARPACK takes as its own space
+        moved = factor.solve(M[:, heavy].toarray())
+        found, vectors = eig(moved[heavy])
+        some = np.argsort(-np.abs(found))[: n + 1]
+        some = some[np.abs(found[some]) > COMPUTED * np.abs(found[some[0]])]
+        found, vectors = found[some], moved @ (vectors[:, some] / found[some])
+    elif points is not None:
+        inverse = LinearOperator(K.shape, factor.solve, dtype=float)
+        start = M @ np.ones(len(points))
+        return eigsh(K, n, M, -shift, which="LM", OPinv=inverse, v0=start)
+    else:
+        operator = LinearOperator(K.shape, lambda v: factor.solve(M @ v), dtype=float)
+        found, vectors = eigs(operator, n + 1, v0=np.ones(K.shape[0]))
+    if len(found) < n:
+        raise InputError(MASSLESS)
     return 1.0 / found - shift, vectors
 
 

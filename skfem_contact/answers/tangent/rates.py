@@ -2,147 +2,36 @@ r"""From changes of a load step to those of its answer, and backwards.
 
 What a step hands on to the next are slips, friction forces, the slips that points closed at, for the
 energy that friction takes its bounds, and the stretch of bolts. So the derivative of a history goes
-from step to step with these five (`Carried`), and that of a number by all that happened before comes
+from step to step with these five (`HANDED_ON`), and that of a number by all that happened before comes
 back with theirs.
 
-In both directions a step is one linear solve with the factor of its own points. Displacements inside
-the bodies follow by reciprocity: contact forces move a body by ``U p``, and ``U'g`` are the gaps and
-slips that g as a load makes; so ``g . u`` depends on p by those.
+A step is a row of linear maps at each point with one linear solve among them: `_before` and `_after`
+it. Forwards they are taken one after the other, and backwards transposed, from the last to the first;
+the solve has the factor of its own points in both directions. Displacements inside the bodies follow by
+reciprocity: contact forces move a body by ``U p``, and ``U'g`` are the gaps and slips that g as a load
+makes; so ``g . u`` depends on p by those.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.tangent.changes import Change
-from skfem_contact.answers.tangent.tangent import Tangent
-from skfem_contact.arrays import lengths
+from skfem_contact.answers.tangent.tangent import Tangent, Values
+from skfem_contact.arrays import Array, lengths
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.problem.points import Duals
-from skfem_contact.problem.response import Load, Response
-from skfem_contact.records import dataclass
+from skfem_contact.problem.response import Response
 
-Array = NDArray[np.float64]
-
-
-@dataclass(eq=False)
-class Weights:
-    """How a number depends on one answer: its derivatives by what the answer consists of.
-
-    Attributes
-    ----------
-    points : dict of ndarray, shape (m, width)
-        By gaps, normal forces, slips since points closed, friction that resists, areas, normals, and
-        axes of the tangential components, one after the other; what it does not depend on is not there.
-    u : ndarray, shape (n,), or None
-    lost : ndarray, shape (c,)
-        By the energy that friction takes at each contact in the step.
-    tension, stretch : ndarray, shape (b,)
-        By the force and the stretch of each bolt.
-    """
-
-    points: dict[str, Array]
-    u: Array | None
-    lost: Array
-    tension: Array
-    stretch: Array
-
-    @classmethod
-    def none(cls, answer: Answer) -> Weights:
-        """Those of a number that does not depend on it."""
-        bolts = np.zeros((2, len(answer.bolt_names)))
-        return cls({}, None, np.zeros(len(answer.contacts)), *bolts)
-
-    def by(self, name: str) -> Any:
-        """By one block of numbers, zero where it is not there."""
-        return self.points.get(name, 0.0)
-
-    def at(self, points: dict[str, Array]) -> float:
-        """Return what changes of these blocks of numbers make of the number."""
-        return sum(
-            float(np.vdot(by, points[name])) for name, by in self.points.items() if name in points
-        )
+HANDED_ON = "slip", "friction", "reference", "bound", "stretch"
+#: Of one name to be added to, and the name of what a block at each point is multiplied with.
+Maps = list[tuple[str, str, NDArray[Any]]]
 
 
-@dataclass(eq=False)
-class Carried:
-    """Derivatives of what a step hands on, see `conditions.state.LocalState`, or by it."""
-
-    slip: Array
-    tangential_force: Array
-    reference: Array
-    bound: Array
-    shift: Array
-
-    @classmethod
-    def none(cls, answer: Answer) -> Carried:
-        """Nothing."""
-        still = np.zeros(answer.local.slip.shape)
-        return cls(still, still, still, np.zeros(len(still)), np.zeros(len(answer.bolt_names)))
-
-
-@dataclass(eq=False)
-class Rates:
-    """Derivatives of one answer by a number.
-
-    Attributes
-    ----------
-    carried : Carried
-    lost : ndarray, shape (c,)
-        Of the energy that friction takes at each contact in the step.
-    """
-
-    answer: Answer
-    tangent: Tangent
-    change: Change
-    load: Load
-    response: Response
-    carried: Carried
-    lost: Array
-
-    @cached_property
-    def points(self) -> dict[str, Array]:
-        """Blocks of numbers as `Weights` has them."""
-        found = self.response
-        return self.change.shape | {
-            "gap": found.gap[:, None],
-            "normal_force": found.normal_force[:, None],
-            "slip": found.slip - self.carried.reference,
-            "friction": found.tangential_force,
-        }
-
-    @cached_property
-    def u(self) -> Array:
-        """Of the displacements of all bodies, (n,)."""
-        source = self.tangent.problem.source(self.load, self.response)
-        return self.tangent.recovered(source.values, self.change.case)
-
-    @property
-    def tension(self) -> Array:
-        """Of the forces in bolts, (b,)."""
-        bolts = self.tangent.bolts
-        if bolts is None:
-            return np.zeros(0)
-        return np.asarray(bolts.P @ self.u + bolts.k * self.carried.shift + self.change.tension)
-
-    def dot(self, weights: Weights) -> float:
-        """The derivative of a number that depends on the answer by these weights."""
-        found = weights.at(self.points) + float(weights.lost @ self.lost)
-        found += float(weights.stretch @ self.carried.shift)
-        if np.count_nonzero(weights.tension):
-            found += float(weights.tension @ self.tension)
-        return found if weights.u is None else found + float(weights.u @ self.u)
-
-
-@dataclass(eq=False)
-class Way:
+class Way(NamedTuple):
     """What points do whose statuses are not those of the tangent, which holds them.
 
     Attributes
@@ -157,110 +46,157 @@ class Way:
     closed: NDArray[np.bool_]
 
 
-def forward(tangent: Tangent, change: Change, before: Carried | None, way: Way | None = None) -> Rates:
-    """Derivatives of an answer by a number, from those of the answer before (None: it has none)."""
-    answer, last = tangent.answer, before or Carried.none(tangent.answer)
-    drive = change.drive
-    if bolts := tangent.bolts:
-        drive = drive + np.where(bolts.kept, last.shift, 0.0)
-        change = replace(change, f=change.f - bolts.P.T @ drive)
-    way = way or Way(np.zeros(len(last.slip)), last.slip, tangent.closed)
-    closed = way.closed
-    offset = tangent.friction(change.friction, last.tangential_force, last.slip - last.reference)
-    conditions = replace(tangent.conditions, offset=offset, anchor=way.slip)
-    with single_threaded():
-        load, (zone, key) = tangent.problem.other_load(change.case), tangent.zone
-        load.gap0 = load.gap0 - way.gap
-        found = zone.solve(conditions, load, key)
-    found.gap = found.gap + way.gap
-    reference = np.where(closed[:, None], last.reference, found.slip)
-    bound = tangent.bound_slope * found.normal_force + np.where(closed, change.bound, 0.0)
-    length, along, G = _lost(tangent)
-    moved = found.slip - last.slip - (found.tangential_force - last.tangential_force) / G
-    rate = 0.5 * (bound + last.bound) * length + np.sum(along * moved, axis=1)
-    lost = np.array([rate[part].sum() for part in answer.model.interface.point_slices])
-    carried = Carried(found.slip, found.tangential_force, reference, bound, drive)
-    rates = Rates(answer, tangent, change, load, found, carried, lost)
-    if bolts and bolts.given.any():
-        carried.shift = drive - np.where(bolts.given, bolts.P @ rates.u / bolts.k, 0.0)
-    return rates
+def _before(tangent: Tangent) -> Maps:
+    """What conditions of a linear solve follow from: friction of the law, and what came before."""
+    slopes = tangent.slopes
+    maps: Maps = [
+        ("anchor", "last slip", np.ones((1, 1))),
+        ("offset", "mapped", slopes.by_map),
+        ("offset", "last friction", slopes.by_trial),
+    ]
+    if not tangent.rule.steady:
+        by_slip = slopes.by_slip
+        maps += [("offset", "last slip", by_slip), ("offset", "last reference", -by_slip)]
+    if tangent.bolts:
+        maps.append(("drive", "last stretch", 1.0 * tangent.locked))
+    return maps
 
 
-def _lost(tangent: Tangent) -> tuple[Array, Array, Array]:
-    """Of the energy lost: length of the way, mean of both bounds along it, and stiffness G (m, 1)."""
-    way = lengths(tangent.answer.plastic_slip)
-    mean = 0.5 * (tangent.bound + tangent.answer.bound_before)
-    along = tangent.answer.plastic_slip * (mean / np.where(way > 0, way, 1.0))[:, None]
-    return way, along, tangent.answer.model.interface.stiffness[:, None]
+def _after(tangent: Tangent, closed: NDArray[np.bool_], lost: bool) -> Maps:
+    """What follows from gaps, slips and forces; the energy lost has the mean of two bounds."""
+    one, shut = np.ones((1, 1)), 1.0 * closed[:, None]
+    maps: Maps = [
+        ("reference", "slip", 1.0 - shut),
+        ("reference", "last reference", shut),
+        ("slipped", "slip", one),
+        ("slipped", "reference", -one),
+        ("bound", "normal_force", tangent.bound_slope[:, None]),
+    ]
+    if lost:
+        plastic, G = tangent.answer.plastic_slip, tangent.answer.model.interface.stiffness
+        way, mean = lengths(plastic), 0.5 * (tangent.bound + tangent.answer.bound_before)
+        along = (plastic * (mean / np.where(way > 0, way, 1.0))[:, None])[:, None]
+        half, given_back = 0.5 * way[:, None], along / G[:, None, None]
+        maps += [("lost", "bound", half), ("lost", "last bound", half)]
+        maps += [("lost", "slip", along), ("lost", "last slip", -along)]
+        maps += [("lost", "friction", -given_back), ("lost", "last friction", given_back)]
+    if tangent.bolts:  # those with a force that is given slide
+        k, each = tangent.bolts.k, np.ones(1)
+        maps += [
+            ("stretch", "drive", each),
+            ("stretch", "pull", np.where(tangent.tightened, -1 / k, 0.0)),
+        ]
+        maps += [("tension", "stretch", k), ("tension", "pull", each)]
+    return maps
 
 
-def backward(
-    tangent: Tangent, weights: Weights, after: Carried | None, loads: bool
-) -> tuple[Change, Carried]:
+def _take(maps: Maps, values: Values, back: bool = False) -> None:
+    """Take maps one after the other; or, `back`, their transposes from the last to the first."""
+    for out, of, block in reversed(maps) if back else maps:
+        to, by = (of, out) if back else (out, of)
+        if by in values:
+            product = "ikl,ik->il" if back else "ikl,il->ik"
+            full = block.ndim == 3
+            own = np.einsum(product, block, values[by]) if full else block * values[by]
+            values[to] = values[to] + own if to in values else own
+
+
+class Rates:
+    """Derivatives of one answer by a number.
+
+    Parameters
+    ----------
+    tangent : Tangent
+    change : dict of ndarray
+        What the number changes of the load step, see `changes.change`.
+    last : dict of ndarray, optional
+        What the answer before has `handed_on`; None if it does not depend on the number.
+    way : Way, optional
+
+    Attributes
+    ----------
+    values : dict of ndarray
+        By name.
+    """
+
+    def __init__(
+        self, tangent: Tangent, change: Values, last: Values | None = None, way: Way | None = None
+    ) -> None:
+        bolts, self.tangent = tangent.bolts, tangent
+        self.values = values = change | {"last " + name: own for name, own in (last or {}).items()}
+        _take(_before(tangent), values)
+        if bolts and "drive" in values:
+            values["f"] = values.get("f", 0.0) - bolts.pulls.T @ values["drive"]
+        if way:
+            values["anchor"] = way.slip
+            values["gap0"] = values.get("gap0", 0.0) - way.gap[:, None]
+        self._found = tangent.respond(values)
+        found = self.response = self._found[-1]
+        if way:
+            found.gap = found.gap + way.gap
+        values |= {"gap": found.gap[:, None], "normal_force": found.normal_force[:, None]}
+        values |= {"slip": found.slip, "friction": found.tangential_force}
+        if bolts:
+            values["pull"] = bolts.pulls @ self.u
+        _take(_after(tangent, way.closed if way else tangent.closed, True), values)
+
+    @property
+    def handed_on(self) -> Values:
+        """What the next step begins with."""
+        return {name: self.values[name] for name in HANDED_ON if name in self.values}
+
+    @cached_property
+    def u(self) -> Array:
+        """Of the displacements of all bodies, (n,)."""
+        return self.tangent.displacements(*self._found)
+
+    def dot(self, weights: Values) -> float:
+        """The derivative of a number that depends on the answer by these weights."""
+        own = (self.u if name == "u" else self.values.get(name, 0.0) for name in weights)
+        return sum(float(np.sum(w * by)) for w, by in zip(weights.values(), own, strict=True))
+
+
+def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> tuple[Values, Values]:
     """Derivatives of a number by all changes of a step, and by what the step before hands on.
 
     Parameters
     ----------
     tangent : Tangent
-    weights : Weights
+    weights : dict of ndarray
         How the number depends on the answer itself.
-    after : Carried or None
+    after : dict of ndarray
         How it depends on what the answer hands on.
     loads : bool
         Whether derivatives by loads and displacements are wanted, for which the interior is recovered.
     """
-    answer, problem, bolts, by = tangent.answer, tangent.problem, tangent.bolts, weights.by
-    after, closed = after or Carried.none(answer), tangent.closed
-    slip, friction, bound = (
-        by("slip") + after.slip,
-        by("friction") + after.tangential_force,
-        after.bound,
-    )
-    normal_force, by_bound = np.ravel(by("normal_force")), np.zeros(len(closed))
-    along: Array | float = 0.0
-    by_friction: Array | float = 0.0
-    if np.count_nonzero(weights.lost):
-        way, along, G = _lost(tangent)
-        sizes = [part.stop - part.start for part in answer.model.interface.point_slices]
-        share = np.repeat(weights.lost, sizes)
-        along, by_bound = along * share[:, None], 0.5 * share * way
-        by_friction = along / G
-        slip, friction, bound = slip + along, friction - by_friction, bound + by_bound
-    reference = after.reference - by("slip")
-    slip = slip + np.where(closed[:, None], 0.0, reference)
-    if np.count_nonzero(bound):
-        normal_force = normal_force + tangent.bound_slope * bound
-    forces, pulled, u = np.zeros(len(problem.compliance.W)), None, weights.u
-    if bolts:
-        stretch = weights.stretch + after.shift + bolts.k * weights.tension
-        pull = weights.tension - np.where(bolts.given, stretch / bolts.k, 0.0)
-        u = bolts.P.T @ pull + (0.0 if u is None else u)
-    out = Change.none(answer, loads or u is not None)
+    answer, problem, bolts = tangent.answer, tangent.problem, tangent.bolts
+    (m, t), duals = answer.local.slip.shape, dict(weights)
+    for name, own in after.items():
+        duals[name] = duals[name] + own if name in duals else own
+    if "lost" in duals:
+        check_lost(tangent)
+    _take(_after(tangent, tangent.closed, "lost" in duals), duals, back=True)
+    if bolts and "pull" in duals:
+        duals["u"] = duals.get("u", 0.0) + bolts.pulls.T @ duals["pull"]
+    forces, pulled, u = np.zeros(len(problem.compliance.W)), None, duals.get("u")
+    case = tangent.case({} if u is None else {"f": u})
     if u is not None:
-        out.f[:] = u
-        out.f[answer.system.D] = 0.0
-        pulled = problem.other_load(out.case)
+        pulled = problem.other_load(case)
         forces = np.asarray(pulled.moved)
+    gap, normal_force = (np.ravel(duals.get(name, np.zeros(m))) for name in ("gap", "normal_force"))
+    slip, friction = (duals.get(name, np.zeros((m, t))) for name in ("slip", "friction"))
     zone, key = tangent.zone
-    of = Response(np.ravel(by("gap")), slip, normal_force, friction, forces)
-    found = zone.adjoint(tangent.conditions, of, key)
-    out.friction, by_trial, by_slip = tangent.friction_by(found.offset)
-    back = Carried(
-        found.anchor - along + by_slip,
-        by_friction + by_trial,
-        np.where(closed[:, None], reference, 0.0) - by_slip,
-        by_bound,
-        np.zeros(len(weights.tension)),
-    )
+    found = zone.adjoint(tangent.conditions, Response(gap, slip, normal_force, friction, forces), key)
+    duals |= {"gap0": found.gap0[:, None], "slip0": found.slip0}
+    duals |= {"anchor": found.anchor, "offset": found.offset}
     if loads or bolts:
         force = problem.G.T @ found.moved + (0.0 if pulled is None else pulled.prescribed)
-        out.f = tangent.recovered(force, out.case)
-        out.x = _by_supports(tangent, out.f, found, u)
-    out.gap0, out.slip0, out.bound = found.gap0, found.slip0, np.where(closed, bound, 0.0)
+        duals["f"] = tangent.recovered(force, case)
+        duals["x"] = _by_supports(tangent, duals["f"], found, u)
     if bolts:
-        out.drive, out.tension = stretch - bolts.P @ out.f, weights.tension
-        back.shift = np.where(bolts.kept, out.drive, 0.0)
-    return out, back
+        duals["drive"] = duals.get("drive", 0.0) - bolts.pulls @ duals["f"]
+    _take(_before(tangent), duals, back=True)
+    return duals, {name[5:]: own for name, own in duals.items() if name.startswith("last ")}
 
 
 def _by_supports(tangent: Tangent, f: Array, found: Duals, u: Array | None) -> Array:

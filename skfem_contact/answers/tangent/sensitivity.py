@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.tangent.changes import Parameter, change, parameter
-from skfem_contact.answers.tangent.rates import Rates, Weights, check_lost, forward
+from skfem_contact.answers.tangent.changes import Parameter, change, parameters
+from skfem_contact.answers.tangent.rates import Rates, check_lost
 from skfem_contact.answers.tangent.sides import one_sided
-from skfem_contact.answers.tangent.tangent import Tangent
+from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import numbers, shown
+from skfem_contact.arrays import Array, Index
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.errors import InputError
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 AT_CONTACT = "gap", "normal_force", "pressure", "slip", "tangential_force", "force"
-AT_ALL = "u", "displacement", "dissipation", "bolts"
 
 
 class BoltRates(NamedTuple):
@@ -68,33 +65,34 @@ class Sensitivity:
     def __init__(self, by: Parameter, rates: Rates, side: int) -> None:
         self.by, self.side, self._rates = by, side, rates
         self._sign = -1.0 if side < 0 else 1.0
+        self._answer = rates.tangent.answer
 
     @property
     def dissipation(self) -> float:
-        """Of the energy that friction takes in the step [energy over the parameter]."""
+        """The derivative of the energy lost by friction in the step [energy over the parameter]."""
         check_lost(self._rates.tangent)
-        return self._sign * float(self._rates.lost.sum())
+        return self._sign * float(self._rates.values["lost"].sum())
 
     @property
     def u(self) -> Array:
-        """Of the displacements of all bodies, shape (n,)."""
-        return self._sign * self._rates.u / self._rates.answer.system.units
+        """The derivatives of the displacements of all bodies, shape (n,)."""
+        return self._sign * self._rates.u / self._answer.system.units
 
     @property
     def bolts(self) -> dict[str, BoltRates]:
-        """Of the forces and stretches of bolts, by name."""
-        rates = self._rates
-        both = zip(self._sign * rates.tension, self._sign * rates.carried.shift, strict=True)
-        return dict(
-            zip(rates.answer.bolt_names, (BoltRates(*map(float, b)) for b in both), strict=True)
-        )
+        """The derivatives of the forces and stretches of bolts, by name."""
+        rates, names = self._rates, self._answer.bolt_names
+        if not names:
+            return {}
+        known = self._sign * np.column_stack([rates.values["tension"], rates.values["stretch"]])
+        return {name: BoltRates(*own) for name, own in zip(names, known.tolist(), strict=True)}
 
     def displacement(self, body: Any) -> Array:
-        """Of the displacements of one body, shape (n_body,)."""
-        return self.u[self._rates.answer.system.slice(body)]
+        """Return the derivatives of the displacements of one body, shape (n_body,)."""
+        return self.u[self._answer.system.slice(body)]
 
     def of(self, quantity: str, contact: Any = None) -> Array:
-        """Of a quantity of a contact, as its values have it.
+        """Return the derivatives of a quantity of a contact, in the shape of its values.
 
         Parameters
         ----------
@@ -102,7 +100,7 @@ class Sensitivity:
         contact : str, optional
             Its name; not needed where there is one.
         """
-        answer, rates = self._rates.answer, self._rates.points
+        answer, rates = self._answer, self._rates.values
         parts = [
             np.einsum("iw,siwo->io", rates[name][at], by)
             for name, at, by in _terms([answer], quantity, _which(answer, contact, quantity))
@@ -113,33 +111,30 @@ class Sensitivity:
             return np.asarray(found.sum(axis=0))
         return np.asarray(found if quantity in ("slip", "tangential_force") else found[:, 0])
 
-    gap: Array = _its("gap", "Of the gaps of the only contact, (m,).")
-    normal_force: Array = _its("normal_force", "Of the normal forces, (m,).")
-    pressure: Array = _its("pressure", "Of the pressures, (m,).")
-    slip: Array = _its("slip", "Of the slips, (m, d-1).")
-    tangential_force: Array = _its("tangential_force", "Of the friction on the secondary, (m, d-1).")
-    force: Array = _its("force", "Of the resultant on the secondary, (d,).")
+    gap: Array = _its("gap", "The derivatives of the gaps of the only contact, (m,).")
+    normal_force: Array = _its("normal_force", "The derivatives of the normal forces, (m,).")
+    pressure: Array = _its("pressure", "The derivatives of the pressures, (m,).")
+    slip: Array = _its("slip", "The derivatives of the slips, (m, d-1).")
+    tangential_force: Array = _its(
+        "tangential_force", "The derivatives of the friction forces, (m, d-1)."
+    )
+    force: Array = _its("force", "The derivatives of the resultant on the secondary, (d,).")
 
     def dot(self, weights: Mapping[str, Any]) -> float:
         """Derivative of a function of the result, given as for `ContactSolver.gradient`."""
-        return self._sign * self._rates.dot(weights_of([self._rates.answer], [weights])[0])
+        return self._sign * self._rates.dot(weights_of([self._answer], [weights])[0])
 
 
 def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int) -> Sensitivity:
     """Derivatives of an answer; see `ContactResult.sensitivity`."""
-    by = parameter(by)
-    if by.field or by.each_step:
-        raise InputError(
-            f"sensitivity: {by!r} is many numbers; give a direction, along=..., or take solver.gradient"
-        )
+    [by] = parameters(by, many=False)
     if side not in (-1, 0, 1):
         raise InputError(f"side = {shown(side)}; it may be 1, -1, or 0 for the statuses that hold")
     if after is not None and (repr(after.by), after.side) != (repr(by), side):
         raise InputError(f"after is by {after.by!r}, side {after.side}; here by {by!r}, side {side}")
-    found, before = change(by, tangent), None if after is None else after._rates.carried
-    if side:
-        return Sensitivity(by, one_sided(tangent, found, before, side), side)
-    return Sensitivity(by, forward(tangent, found, before), side)
+    found, last = change(by, tangent), {} if after is None else after._rates.handed_on
+    rates = one_sided(tangent, found, last, side) if side else Rates(tangent, found, last)
+    return Sensitivity(by, rates, side)
 
 
 # -- quantities -----------------------------------------------------------------------------------
@@ -156,7 +151,7 @@ def _which(answer: Answer, contact: Any, what: str) -> int:
 
 
 def _terms(answers: Sequence[Answer], what: str, i: int) -> list[tuple[str, Index, Array]]:
-    """A quantity of a contact as a linear map of the blocks of `Weights.points`, to be summed.
+    """A quantity of a contact as a linear map of values at points, to be summed.
 
     Of s results of one pairing at once. Each term has its name, its points (k,), and what a number of
     these makes of the quantity, (s or 1, k or 1, width, o); of a resultant at each point its share.
@@ -169,7 +164,7 @@ def _terms(answers: Sequence[Answer], what: str, i: int) -> list[tuple[str, Inde
         return [("normal_force", own, one)]
     if what == "slip":
         _check_slip(answers[0], i)
-        return [("slip", heir, _along_tangents(kin, kin.duals, heir)[None])]
+        return [("slipped", heir, _along_tangents(kin, kin.duals, heir)[None])]
     if what == "tangential_force":
         return [("friction", own, -_along_tangents(kin, kin.axes, own)[None])]
     normal_force = np.array([answer.local.normal_force for answer in answers])[..., None, None]
@@ -203,25 +198,19 @@ def _check_slip(answer: Answer, i: int) -> None:
         )
 
 
-def weights_of(answers: Sequence[Answer], given: Sequence[Any]) -> list[Weights]:
+def weights_of(answers: Sequence[Answer], given: Sequence[Any]) -> list[Values]:
     """A user's derivatives of a function of results: by quantity, or by contact and quantity.
 
     Raises
     ------
     InputError
     """
-    found = [Weights.none(answer) for answer in answers]
-    asked: dict[tuple[int, int, str], list[tuple[Answer, Weights, Any]]] = {}
+    found = [Values() for _ in answers]
+    asked: dict[tuple[int, int, str], list[tuple[Answer, Values, Any]]] = {}
     for answer, out, own in zip(answers, found, given, strict=True):
         for contact, what, value in _named(answer, {} if own is None else own):
-            if what in ("u", "displacement"):
-                _by_displacement(answer, out, what, value)
-            elif what == "dissipation":
-                out.lost[slice(None) if contact is None else answer.names.index(contact)] += float(
-                    value
-                )
-            elif what == "bolts":
-                _by_bolts(answer, out, value)
+            if what == "dissipation" or (what in ELSEWHERE and contact is None):
+                ELSEWHERE[what](answer, out, contact, value)
             else:
                 key = id(answer.kin), _which(answer, contact, what), what
                 asked.setdefault(key, []).append((answer, out, value))
@@ -234,45 +223,57 @@ def _named(answer: Answer, given: Any) -> Iterator[tuple[str | None, str, Any]]:
     """Contacts, quantities and derivatives that a user gives of one result."""
     if not isinstance(given, Mapping):
         raise InputError(f"derivatives by a result are {shown(given)}; give a dict by quantity")
+    known = *AT_CONTACT, *ELSEWHERE, *answer.names
     for key, value in given.items():
-        if key in (*AT_CONTACT, *AT_ALL):
-            yield None, key, value
-        elif key in answer.names and isinstance(value, Mapping):
-            for what, own in value.items():
-                if what != "dissipation":
-                    _which(answer, key, what)
-                yield key, what, own
-        else:
-            known = ", ".join((*AT_CONTACT, *AT_ALL, *answer.names))
-            raise InputError(f"derivatives by a result name {key!r}; they may name {known}")
+        if key not in known or (key in answer.names and not isinstance(value, Mapping)):
+            raise InputError(f"derivatives by a result name {key!r}; they may name {', '.join(known)}")
+        contact = key if key in answer.names else None
+        for what, own in value.items() if contact else [(key, value)]:
+            yield contact, what, own
 
 
-def _by_bolts(answer: Answer, out: Weights, given: Any) -> None:
-    parts = {"force": out.tension, "stretch": out.stretch}
+def _by_energy(answer: Answer, out: Values, contact: str | None, value: Any) -> None:
+    parts = answer.model.interface.point_slices
+    at = slice(None) if contact is None else parts[answer.names.index(contact)]
+    out.setdefault("lost", np.zeros((answer.kin.m, 1)))[at] += float(value)
+
+
+def _by_bolts(answer: Answer, out: Values, _: None, given: Any) -> None:
+    names, parts = answer.bolt_names, {"force": "tension", "stretch": "stretch"}
     for name, own in given.items() if isinstance(given, Mapping) else [(given, {})]:
-        if name not in answer.bolt_names or not isinstance(own, Mapping) or not set(own) <= set(parts):
-            known = ", ".join(answer.bolt_names) or "none"
+        if name not in names or not isinstance(own, Mapping) or not set(own) <= set(parts):
             raise InputError(
                 f"the derivative by bolts is {shown(given)}; give one by force or stretch, "
-                f"{{'bolt 1': {{'force': 1.0}}}}. Bolts of the solver: {known}"
+                f"{{'bolt 1': {{'force': 1.0}}}}. Bolts of the solver: {', '.join(names) or 'none'}"
             )
         for what, value in own.items():
-            parts[what][answer.bolt_names.index(name)] += float(value)
+            out.setdefault(parts[what], np.zeros(len(names)))[names.index(name)] += float(value)
 
 
-def _by_displacement(answer: Answer, out: Weights, key: str, value: Any) -> None:
+def _by_all(answer: Answer, out: Values, _: None, value: Any) -> None:
+    u, n = out.setdefault("u", np.zeros(answer.system.n)), answer.system.n
+    u += _shaped(value, (n,), "u") / answer.system.units
+
+
+def _by_displacement(answer: Answer, out: Values, _: None, given: Any) -> None:
     system = answer.system
-    if out.u is None:
-        out.u = np.zeros(system.n)
-    parts = {None: value} if key == "u" else value
-    for body, own in parts.items():
-        span = slice(None) if body is None else system.slice(system.bodies[system.index(body)])
-        out.u[span] += (
-            _shaped(own, out.u[span].shape, key) / np.broadcast_to(system.units, system.n)[span]
-        )
+    for body, value in given.items():
+        member = system.bodies[system.index(body)]
+        whole = np.zeros(system.n)
+        whole[system.slice(member)] = _shaped(value, (member.n,), "displacement")
+        _by_all(answer, out, None, whole)
 
 
-def _by_quantity(given: list[tuple[Answer, Weights, Any]], what: str, i: int) -> None:
+#: Quantities that no point of a contact has.
+ELSEWHERE: dict[str, Callable[[Answer, Values, Any, Any], None]] = {
+    "u": _by_all,
+    "displacement": _by_displacement,
+    "dissipation": _by_energy,
+    "bolts": _by_bolts,
+}
+
+
+def _by_quantity(given: list[tuple[Answer, Values, Any]], what: str, i: int) -> None:
     """Derivatives by one quantity of results that have the same pairing, all at once."""
     answers, found, values = zip(*given, strict=True)
     kin, part = answers[0].kin, answers[0].model.interface.point_slices[i]
@@ -284,7 +285,7 @@ def _by_quantity(given: list[tuple[Answer, Weights, Any]], what: str, i: int) ->
         blocks = np.zeros((len(w), kin.m, by.shape[2]))
         np.add.at(blocks.swapaxes(0, 1), at, np.einsum("sio,siwo->isw", w, by))
         for out, block in zip(found, blocks, strict=True):
-            out.points[name] = out.by(name) + block
+            out[name] = out[name] + block if name in out else block
 
 
 def _shaped(value: Any, shape: tuple[int, ...], what: str) -> Array:

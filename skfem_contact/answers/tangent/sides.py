@@ -26,22 +26,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from skfem_contact.answers.tangent.changes import Change
-from skfem_contact.answers.tangent.rates import Carried, Rates, Way, forward
-from skfem_contact.answers.tangent.tangent import Tangent
+from skfem_contact.answers.tangent.rates import Rates, Way
+from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.answers.thresholds import MOST_CHANGES
-from skfem_contact.arrays import largest, lengths, unit_vectors
+from skfem_contact.arrays import Array, Mask, largest, lengths, unit_vectors
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.problem.response import Response
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 TINY = np.finfo(float).tiny
 
 
-def one_sided(tangent: Tangent, found: Change, before: Carried | None, side: int) -> Rates:
+def one_sided(tangent: Tangent, found: Values, last: Values, side: int) -> Rates:
     """Rates to one side, with the statuses that hold there.
 
     Raises
@@ -51,17 +48,20 @@ def one_sided(tangent: Tangent, found: Change, before: Carried | None, side: int
     NotConverged
         No statuses fit.
     """
-    found = found.minus(Change.none(tangent.answer), side)
+    found = {name: side * own for name, own in found.items()}
     if not len(tangent.kinks):
-        return forward(tangent, found, before)
-    verge = Verge(tangent, found, before or Carried.none(tangent.answer))
-    return forward(verge.held, found, before, verge.way())
+        return Rates(tangent, found, last)
+    verge = Verge(tangent, found, last)
+    way = verge.way()
+    if "bound" in found:
+        found["bound"] = np.where(way.closed[:, None], found["bound"], 0.0)
+    return Rates(verge.held, found, last, way)
 
 
 class Verge:
     """The points of a tangent that are about to change, and the small problem of their rates."""
 
-    def __init__(self, tangent: Tangent, change: Change, last: Carried) -> None:
+    def __init__(self, tangent: Tangent, change: Values, last: Values) -> None:
         at, interface = tangent.kinks, tangent.answer.model.interface
         compliance = tangent.problem.compliance
         has_slip = np.all(compliance.tangential_rows[at] >= 0, axis=1)
@@ -72,10 +72,12 @@ class Verge:
                 "side: bounds of friction that change with the slip have no one-sided derivatives. "
                 "Take Coulomb, OrthotropicCoulomb or Tresca, or move the load a little off the kink."
             )
-        self.at, self.last, self.held = at, last, tangent.holding(at, at[self.rubs])
+        still = np.zeros(tangent.local.slip.shape)
+        self.at, self.held = at, tangent.holding(at, at[self.rubs])
+        self.last_slip = last.get("slip", still)
         force = np.maximum(tangent.local.normal_force, 0.0)
         self.slope = tangent.rule.slope(force, tangent.local.slip)[at]
-        self.bound = change.bound[at]
+        self.bound = change["bound"][at, 0] if "bound" in change else np.zeros(len(at))
         slid = tangent.slid[at] & self.rubs
         way = unit_vectors(tangent.answer.plastic_slip[at])
         self.direction = np.where(slid[:, None], way, tangent.toward[at])
@@ -85,8 +87,9 @@ class Verge:
         self.turns = self.decides & self.touches  # has no direction of friction yet
         # what a point is moved by with what a finite stiffness gives back
         self.give = np.where(self.rubs, 1.0 / interface.stiffness[at], 0.0)[:, None]
-        self.start = last.slip[at] - self.give * last.tangential_force[at]
-        self._factorise(forward(self.held, change, last).response)
+        before = self.last_slip[at] - self.give * last.get("friction", still)[at]
+        self.start = np.where(self.rubs[:, None], before, 0.0)
+        self._factorise(Rates(self.held, change, last).response)
         self._find()
 
     def _factorise(self, base: Response) -> None:
@@ -96,7 +99,7 @@ class Verge:
         S = np.zeros((k, 1 + t, k, 1 + t))
         moves = np.column_stack([self.touches, *[self.rubs] * t])
         with single_threaded():
-            load, (zone, key) = held.problem.other_load(Change.none(held.answer).case), held.zone
+            load, (zone, key) = held.problem.other_load(held.case({})), held.zone
             for i, c in zip(*np.nonzero(moves), strict=True):
                 unit = np.zeros((len(held.closed), 1 + t))
                 unit[self.at[i], c] = 1.0
@@ -104,7 +107,9 @@ class Verge:
                 response = zone.solve(replace(still, anchor=unit[:, 1:]), load, key)
                 S[:, :, i, c] = self._forces(response)
         self.S = S.reshape(k * (1 + t), -1)
-        held_by = np.column_stack([np.zeros(k), self.last.slip[self.at] * self.rubs[:, None]])
+        # friction resists
+        self.stiffness = -np.diag(self.S).reshape(k, 1 + t)[:, 1] if t else np.zeros(k)
+        held_by = np.column_stack([np.zeros(k), self.last_slip[self.at] * self.rubs[:, None]])
         self.p0 = self._forces(base).ravel() - self.S @ held_by.ravel()
         self.v, self.p = held_by, self._forces(base)
         forces = np.abs(np.column_stack([base.normal_force, base.tangential_force]))
@@ -134,40 +139,35 @@ class Verge:
         raise NotConverged("no statuses of the points with a kink fit the change to this side", None)
 
     def _solve(self) -> None:
-        """What the points do, and their forces, with the states that they have."""
-        (k, d), unit = self.v.shape, np.eye(self.v.shape[1] - 1)
+        """What the points do, and their forces, with the states that they have.
+
+        Along some directions a point is held, ``H (s - s_last) = 0``, along the others its friction is
+        given. In any direction it is ``L x / |x|`` with x the trial force, linearised.
+        """
+        (k, d), unit, way = self.v.shape, np.eye(self.v.shape[1] - 1), self.direction
+        slips = self.slips & ~self.open
+        decided, turns = slips & self.decides, slips & self.turns
+        free = self.rubs & (self.open | ~self.decides)
+        across = decided[:, None, None] * way[:, :, None] * way[:, None]
+        held = np.where(free[:, None, None], 0.0, unit - across)
+        bound = self.slope * np.maximum(self.p[:, 0], 0.0)
+        size = np.maximum(np.maximum(lengths(self.trial), bound), TINY)
+        turn = np.where(turns, bound / size, 1.0)[:, None, None]
+        spring = np.where(turns, -turn[:, 0, 0] * self.stiffness, 1.0)[:, None, None] * held
         E, F, r = np.zeros((k, d, d)), np.zeros((k, d, d)), np.zeros((k, d))
         F[:, 0, 0], E[:, 0, 0] = self.open, ~self.open
-        for i in range(k):
-            way, give = self.direction[i], self.give[i]
-            by_way, by_force, given = unit, -give * unit, self.start[i]
-            if not self.rubs[i]:
-                by_force, given = 0.0 * unit, 0.0 * given
-            elif self.open[i] or not self.decides[i]:
-                by_way, by_force, given = 0.0 * unit, unit, 0.0 * given
-            elif self.slips[i]:
-                across, along = unit - np.outer(way, way), np.outer(way, way)
-                if self.turns[i]:  # slope lambda x / |x| with x = tau + c (s - s_last), linearised
-                    c, x = self._trial(i)
-                    bound = self.slope[i] * max(self.p[i, 0], 0.0)
-                    turn = bound / max(np.linalg.norm(x), bound, TINY)
-                    by_way, given = -turn * c * across, -turn * c * across @ given
-                    by_force = unit - turn * (1 - c * give) * across
-                else:
-                    by_way, given = across, across @ given + way * self.bound[i]
-                    by_force = along - give * across
-            if self.slips[i] and not self.open[i]:
-                F[i, 1:, 0] = -self.slope[i] * way
-            E[i, 1:, 1:], F[i, 1:, 1:], r[i, 1:] = by_way, by_force, given
+        E[:, 1:, 1:], F[:, 1:, 1:] = spring, unit - turn * held - self.give[:, None] * spring
+        F[:, 1:, 0] = -(self.slope * slips)[:, None] * way
+        r[:, 1:] = np.einsum("ikl,il->ik", spring, self.start)
+        r[:, 1:] += (self.bound * (decided & ~turns))[:, None] * way
         E, F = block_diag(*E), block_diag(*F)
         self.v = np.linalg.solve(E + F @ self.S, r.ravel() - F @ self.p0).reshape(k, d)
         self.p = (self.p0 + self.S @ self.v.ravel()).reshape(k, d)
 
-    def _trial(self, i: int) -> tuple[float, Array]:
-        """A stiffness of a point, and the trial force that it makes of its slip."""
-        own = i * self.v.shape[1] + 1
-        c = -self.S[own, own]  # friction resists
-        return c, self.p[i, 1:] + c * self.moved[i]
+    @property
+    def trial(self) -> Array:
+        """Trial forces that a stiffness of each point makes of its slip, (k, d-1)."""
+        return np.asarray(self.p[:, 1:] + self.stiffness[:, None] * self.moved)
 
     @property
     def moved(self) -> Array:
@@ -190,31 +190,26 @@ class Verge:
 
     def _turn(self) -> bool:
         """Let friction be along the trial force where points slip; return whether any turned."""
-        turned = False
-        for i in np.flatnonzero(self.turns & self.slips & ~self.open).tolist():
-            x = self._trial(i)[1]
-            way = x / max(np.linalg.norm(x), TINY)
-            turned |= bool(np.linalg.norm(way - self.direction[i]) > SOLVED)
-            self.direction[i] = way
-        return turned
+        on = self.turns & self.slips & ~self.open
+        way = np.where(on[:, None], unit_vectors(self.trial), self.direction)
+        turned = np.any(lengths(way - self.direction) > SOLVED)
+        self.direction = way
+        return bool(turned)
 
     def _change(self, some: NDArray[np.intp]) -> None:
         """Other states of some points, by their rates; what closes slips on, as it would by itself."""
-        normal, moved = self._parts_or_meets(), self.moved
-        for i in some:
-            if normal[i]:
-                self.open[i] = not self.open[i]
-                self.slips[i] = self.rubs[i] and not self.open[i]
-            else:
-                self.slips[i] = not self.slips[i]
-            if self.turns[i]:
-                way = moved[i] if normal[i] else self.p[i, 1:]
-                self.direction[i] = way / max(np.linalg.norm(way), TINY) * self.slips[i]
+        on = np.isin(np.arange(len(self.at)), some)
+        normal = self._parts_or_meets() & on
+        self.open = self.open ^ normal
+        self.slips = np.where(normal, self.rubs & ~self.open, self.slips ^ on)
+        way = unit_vectors(np.where(normal[:, None], self.moved, self.p[:, 1:]))
+        turns = (on & self.turns)[:, None]
+        self.direction = np.where(turns, way * self.slips[:, None], self.direction)
 
     def way(self) -> Way:
         """What the points do, as `forward` takes it."""
-        still = self.last.slip
-        gap, slip, closed = np.zeros(len(still)), still.copy(), self.held.closed.copy()
+        slip, closed = self.last_slip.copy(), self.held.closed.copy()
+        gap = np.zeros(len(slip))
         gap[self.at], closed[self.at] = self.v[:, 0], ~self.open
         slip[self.at[self.rubs]] = self.v[self.rubs, 1:]
         return Way(gap, slip, closed)

@@ -29,11 +29,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csr_matrix, vstack
+from scipy.sparse import block_diag, bsr_matrix, csr_matrix, vstack
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.arguments import numbers
-from skfem_contact.arrays import largest, lengths, unit_vectors
+from skfem_contact.arrays import Array, Index, Mask, largest, lengths, unit_vectors
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
@@ -45,17 +45,14 @@ from skfem_contact.digits import SOLVED
 from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.problem.response import Conditions, Source
+from skfem_contact.problem.response import Conditions, Load, Response, Source
 from skfem_contact.problem.zone import Zone, Zones
-from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Index = NDArray[np.intp]
+#: Derivatives by name, of loads or points: (n,) or (m, width). What is not there is zero.
+Values = dict[str, Array]
 
 
-@dataclass(frozen=True, eq=False)
-class Slopes:
+class Slopes(NamedTuple):
     """Derivatives of the friction forces of slipping points; zero at all others.
 
     Attributes
@@ -75,26 +72,6 @@ class Slopes:
     by_map: Array
     by_normal: Array
     trial: Array
-
-
-class Tightness(NamedTuple):
-    """The bolts in a load step: their forces ``N = P u + k d`` and stretches d.
-
-    Attributes
-    ----------
-    P, slides : csr_matrix, shape (b, n)
-        [force/length], [1]
-    k : ndarray, shape (b,)
-        [force/length]
-    given, kept : ndarray of bool, shape (b,)
-        Bolts whose force is given, and those that keep the stretch of the step before.
-    """
-
-    P: csr_matrix
-    slides: csr_matrix
-    k: Array
-    given: Mask
-    kept: Mask
 
 
 class Tangent:
@@ -145,6 +122,10 @@ class Tangent:
         self.closed = local.status != OPEN
         self.exact = exact = np.isinf(interface.stiffness)
         self.stiffness = np.where(exact, 0.0, interface.stiffness)
+        # bolts in the step: with a force that is given, and with the stretch of the step before
+        self.bolts, tight = None, answer.case.bolts
+        if answer.bolt_names and tight is not None and tight.kept is not None:
+            self.bolts, self.tightened, self.locked = answer.bolts, tight.given, tight.kept
         sticks = local.status == STICK
         self.slips = (local.status == SLIP) & interface.frictional
         self.stick = sticks & (interface.frictional & exact | interface.tied)
@@ -153,15 +134,6 @@ class Tangent:
             # where nothing has slipped yet no direction turns: as if it stuck, and a kink
             still = self.slips & exact & ~self.slid
             self.slips, self.stick = self.slips & ~still, self.stick | still
-
-    @cached_property
-    def bolts(self) -> Tightness | None:
-        """What bolts do in the step; None without any."""
-        answer = self.answer
-        held, bolts = answer.case.bolts, answer.bolts
-        if bolts is None or held is None or held.kept is None or not bolts.names:
-            return None
-        return Tightness(bolts.pulls, bolts.slides, bolts.k, held.given, held.kept)
 
     @cached_property
     def status(self) -> NDArray[np.intp]:
@@ -229,17 +201,6 @@ class Tangent:
     def zone(self) -> tuple[Zone, object]:
         """The dense problem of points that may carry a force, and the key of the conditions."""
         return self.zones.fitting(self.conditions, self.local.gap)
-
-    def friction(self, by_map: Array, by_trial: Array, by_slip: Array) -> Array:
-        """Changes of friction by those of the return map, and of the friction and slip before."""
-        slopes = self.slopes.by_map, self.slopes.by_trial, self.slopes.by_slip
-        both = zip(slopes, (by_map, by_trial, by_slip), strict=True)
-        return np.asarray(sum(np.einsum("ikl,il->ik", slope, own) for slope, own in both))
-
-    def friction_by(self, given: Array) -> list[Array]:
-        """`friction` transposed."""
-        slopes = self.slopes.by_map, self.slopes.by_trial, self.slopes.by_slip
-        return [np.einsum("ikl,ik->il", slope, given) for slope in slopes]
 
     # -- how far it holds -----------------------------------------------------------------------
 
@@ -322,28 +283,37 @@ class Tangent:
         new.closed, new.stick = self.closed.copy(), self.stick.copy()
         new.closed[closed] = new.stick[stick] = True
         free = ~np.isin(np.arange(len(self.closed)), closed)
-        names = "spring", "by_trial", "by_slip", "by_map", "by_normal"
-        own = {name: (getattr(slopes, name).T * free).T for name in names}
-        new.slopes = replace(slopes, **own)
+        new.slopes = Slopes(*((own.T * free).T for own in slopes))
         vars(new).pop("conditions", None)
         return new
 
     def solve(self, force: ArrayLike) -> Array:
         """Changes of displacements (n,) under those of loads (n,), ``T (W'KT)^-1 W'``, by factors."""
-        f, system, still = (
-            numbers(force, "force", "give a load (n,)"),
-            self.answer.system,
-            self.conditions,
-        )
+        system = self.answer.system
+        f = numbers(force, "force", "give a load (n,)")
         if f.shape != (system.n,):
             raise InputError(f"force has shape {f.shape}; give a load on all DOFs, ({system.n},)")
-        none, f = np.zeros(len(self.status)), f / system.units
-        f[system.D] = 0.0
-        case = LoadCase(f, np.zeros(system.n), none, still.anchor, none, ())
+        return self.displacements(*self.respond({"f": f / system.units})) / system.units
+
+    def case(self, given: Values) -> LoadCase:
+        """What bodies and points see of changes of loads f, x, and of gap0 and slip0."""
+        n, (m, t) = self.answer.system.n, self.local.slip.shape
+        f, x = (given[name] if name in given else np.zeros(n) for name in "fx")
+        gap0 = given["gap0"].ravel() if "gap0" in given else np.zeros(m)
+        return LoadCase(f, x, gap0, given.get("slip0", np.zeros((m, t))), np.zeros(m), ())
+
+    def respond(self, given: Values) -> tuple[LoadCase, Load, Response]:
+        """What the points do under such changes, and those of the conditions: offset and anchor."""
+        held, case = self.conditions, self.case(given)
+        anchor, offset = (given.get(name, held.anchor) for name in ("anchor", "offset"))
+        held = replace(held, anchor=anchor, offset=offset)
         with single_threaded():
             load, (zone, key) = self.problem.other_load(case), self.zone
-            source = self.problem.source(load, zone.solve(still, load, key))
-        return self.recovered(source.values, case) / system.units
+            return case, load, zone.solve(held, load, key)
+
+    def displacements(self, case: LoadCase, load: Load, response: Response) -> Array:
+        """Changes of all displacements (n,) that follow from what the points do."""
+        return self.recovered(self.problem.source(load, response).values, case)
 
     def recovered(self, force: Array, case: LoadCase) -> Array:
         """Displacements (n,) under a load case and forces on the contact DOFs (n_c,)."""
@@ -357,16 +327,10 @@ class Tangent:
     @cached_property
     def K(self) -> csr_matrix:
         """Stiffness of all bodies with the springs of slipping points, (n, n) [force/length]."""
-        from scipy.sparse import block_diag
-
         stiffness = csr_matrix(block_diag(self.answer.stiffness, format="csr"))
         if self.conditions.gives:
-            t = self.spring.shape[1]
-            point, k, j = np.nonzero(self.spring)
-            shape = (len(self.status) * t,) * 2
-            springs = csr_matrix((self.spring[point, k, j], (point * t + k, point * t + j)), shape)
             B_t = self.answer.kin.B_t
-            stiffness = csr_matrix(stiffness + B_t.T @ springs @ B_t)
+            stiffness = csr_matrix(stiffness + B_t.T @ _by_points(self.spring) @ B_t)
         return stiffness
 
     @property
@@ -411,21 +375,24 @@ def held_rows(kin: Kinematics, closed: Mask, stick: Mask, slope: Array | None = 
 
     With the slope of friction by the normal force, (m, d-1): rows of what contact forces work on.
     """
-    normal, t = kin.B_n, kin.tangents
+    normal = kin.B_n
     if slope is not None and slope.size:
-        point, k = np.nonzero(slope)
-        shape = len(slope), slope.size
-        follows = csr_matrix((slope[point, k], (point, point * t + k)), shape)
-        normal = csr_matrix(normal - follows @ kin.B_t)
+        normal = csr_matrix(normal - _by_points(slope[:, None]) @ kin.B_t)
     held = [normal[closed]]
-    if t and stick.any():
-        held.append(kin.B_t[np.repeat(stick, t)])
+    if kin.tangents and stick.any():
+        held.append(kin.B_t[np.repeat(stick, kin.tangents)])
     return csr_matrix(vstack(held))
+
+
+def _by_points(blocks: Array) -> bsr_matrix:
+    """A matrix with a block for each point on its diagonal."""
+    places = np.arange(len(blocks) + 1)
+    return bsr_matrix((blocks, places[:-1], places))
 
 
 def left_free(rows: csr_matrix, system: System) -> AffineConstraint:
     """What rows that are zero, and supports, leave free."""
-    from skfem_contact.elimination.transformation import eliminate
+    from skfem_contact.elimination.constraint import eliminate
 
     return eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n))
 

@@ -13,7 +13,6 @@ from functools import wraps
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import A_TENTH
@@ -28,9 +27,8 @@ from skfem_contact.answers.validity.deformed_boundaries import (
     with_corners,
 )
 from skfem_contact.answers.validity.edges import crossing, pressed_aside, sharp_edges_of
-from skfem_contact.answers.validity.locking import lockable, locked
 from skfem_contact.answers.validity.overlaps import of_two_bodies, sides_of, unselected_words
-from skfem_contact.answers.validity.strain import leaning, strains
+from skfem_contact.answers.validity.strain import leaning, lockable, locked, strains
 from skfem_contact.answers.validity.support import beyond_round_off, elastic_approach
 from skfem_contact.answers.validity.track import tool_motion
 from skfem_contact.answers.validity.validity import ContactValidity, Drift, Validity
@@ -44,6 +42,7 @@ from skfem_contact.answers.validity.words import (
     sliding_words,
     strain_words,
 )
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
@@ -53,7 +52,6 @@ from skfem_contact.digits import SOLVED
 from skfem_contact.errors import warn
 from skfem_contact.obstacles.obstacle import Obstacle
 
-Array = NDArray[np.float64]
 Key = TypeVar("Key")
 Value = TypeVar("Value")
 
@@ -155,7 +153,7 @@ class Assessment:
         if strain > A_TENTH:
             found["strain"] = strain_words(name, strain)
         if rotation > max(A_TENTH, strain):
-            found["rotation"] = rotation_words({name: rotation})
+            found["rotation"] = rotation_words(name, rotation)
         if name in self.lockable:
             words = locking_words(name, self.solids[name], locked(self.result, name))
             found |= {"locking": words} if words else {}

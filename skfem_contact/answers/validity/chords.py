@@ -17,7 +17,7 @@ wrong by as large a part of them at most, and by less than half of that in gener
 In the plane and in space, curvatures are tensors K. Along a facet of the plane, or an edge or diagonal
 of a face, a smooth boundary is a curve over a chord: its slopes at both ends follow from the averaged
 normals, and say how it bends, ``k h`` of a chord of length h, by the rules of
-`bodies.kinks.end_slopes` (what is straight, a kink, or a polygon of less than 16 sides does not
+`bodies.normal_field.end_slopes` (what is straight, a kink, or a polygon of less than 16 sides does not
 bend). The tensor of a face takes what all its chords say. Between two sides
 
     e = max |x' (K_s + K_p) x| / 8
@@ -36,20 +36,16 @@ into a block by up to 15 % at ``e / d = .25``, 30 % at .5 (`tests/verification/t
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import CURVED, PIECES, TWIST
+from skfem_contact.answers.thresholds import PIECES, TWIST
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.bodies.kinks import end_slopes
+from skfem_contact.bodies.normal_field import end_slopes, of_curves
+from skfem_contact.bodies.quadrics import bowed_facets
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.bodies.thresholds import ALIKE, STEEPEST
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.thresholds import FACING
 from skfem_contact.pairing.vectors import dot
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 def sagittas(
@@ -183,14 +179,8 @@ def bends(surface: ContactSurface) -> tuple[Array, Array]:
             return bend, (0.5 if surface.quadratic else 1.0) * edges
     if not surface.quadratic:
         return bend, edges
-    kind, count = surface.kind, edges.shape[1]
-    x = surface.points[surface.facets]
-    ends = x[:, : kind.corners]
-    away = (
-        x[:, kind.corners : kind.corners + count] - 0.5 * (ends + np.roll(ends, -1, axis=1))[:, :count]
-    )
-    height = np.abs(np.einsum("fcd,fd->fc", away, surface.facet_normals)).max(axis=1)
-    curved = height >= CURVED * np.abs(rise[:, :count]).max(axis=1) / 8
+    # a facet with its middle nodes on the curve has two parts
+    curved = bowed_facets(surface.points, surface.facets, surface.kind)
     return bend, np.where(curved[:, None, None], 0.5, 1.0) * edges
 
 
@@ -256,7 +246,7 @@ def _chords(kind: FacetKind) -> Index:
 def _rises(along: Array, across: Array, first: Array, last: Array) -> tuple[Array, Mask]:
     """Curvature times the square of the length of chords (nf, c, 3), from the normals at their ends.
 
-    Zero where a chord is no piece of a curve, as in `bodies.kinks.end_slopes`; and those which are
+    Zero where a chord is no piece of a curve, as in `normal_field.end_slopes`; and those which are
     neither that nor straight.
     """
     length = np.linalg.norm(along, axis=2)
@@ -265,6 +255,5 @@ def _rises(along: Array, across: Array, first: Array, last: Array) -> tuple[Arra
         sign * dot(n, along) / length / np.maximum(dot(n, across[:, None]), FACING)
         for sign, n in ((-1.0, first), (1.0, last))
     )
-    least, most = np.minimum(np.abs(start), np.abs(end)), np.maximum(np.abs(start), np.abs(end))
-    curve = (start * end > 0) & (most <= STEEPEST) & (least >= ALIKE * most)
+    curve, most = of_curves(start, end), np.maximum(np.abs(start), np.abs(end))
     return np.where(curve, (start + end) * length, 0.0), ~curve & (most > GIVEN)

@@ -22,22 +22,17 @@ from skfem_contact.answers.validity.support import (
     Support,
     beyond_round_off,
     elastic_approach,
-    soft,
-    spared,
-    unit_motions,
+    moving,
+    pressed_in,
 )
 from skfem_contact.answers.validity.track import Track, off_arc, tool_motion
 from skfem_contact.answers.validity.validity import Drift
-from skfem_contact.arrays import largest
+from skfem_contact.arrays import Array, Index, largest
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.pairing.vectors import dot
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class ContactWatch:
@@ -73,6 +68,8 @@ class ContactWatch:
         Whether some of these show in the interior alone.
     asks : bool
         Whether displacements at the contact DOFs are asked for.
+    on_obstacle : bool
+        Whether the primary is an obstacle, which conditions may not see all of.
     """
 
     def __init__(
@@ -96,13 +93,12 @@ class ContactWatch:
         stiff = [diagonals[b][side.dofs].mean(axis=1) for b, side in zip(bodies, sides, strict=True)]
         self.extent = sum(supports[b].arm for b in bodies)
         size = [1.0 if self.dim == 2 else 0.5 * float(np.median(side.lengths)) for side in sides]
-        self.soft = sum(soft(h, d) for h, d in zip(size, stiff, strict=True))
-        self.spared = spared(pairing, sides, stiff, size)
+        self.soft, self.spared = pressed_in(pairing, sides, stiff, size)
         if contact.rigid_body is not None:  # it takes up nothing, but it moves
             bodies.append(self.system.index(contact.rigid_body))
         self.bodies = bodies
         held_by = [supports[b] for b in bodies]
-        self.motions = [unit_motions(self.track.points, s.centre, s.arm) for s in held_by]
+        self.motions = moving(held_by, self.track.points)
         points, normal = contact.secondary.points[pairing.paired], pairing.normal[pairing.paired]
         self.held = all(s.holds(points, normal) for s in held_by)
         self.inside, self.loose = False, None
@@ -112,7 +108,9 @@ class ContactWatch:
                 self.loose = [self._free(b, known()) for b in bodies]
         self.of_triangles = of_triangles(contact)
         self.asks = self.of_triangles or self.loose is not None
-        self.asks |= contact.rigid_body is not None and contact.sliding == "small"
+        self.on_obstacle = isinstance(contact.primary, Obstacle)
+        self.rigid, self.tool = contact.rigid, contact.rigid_body is not None
+        self.asks |= self.tool and contact.sliding == "small"
 
     def _free(self, b: int, known: Index) -> Support:
         """Return how a body moves as a whole, by what is known of its displacements."""
@@ -130,8 +128,7 @@ class ContactWatch:
         """How far supports of all bodies lift and drag the points; None where contact slides far."""
         if self.contact.sliding != "small":
             return None
-        moved = self._apart([motions[b] for b in self.bodies])
-        return dot(moved, self.track.normal), self.track.tangential(moved)
+        return self.track.split(self._apart([motions[b] for b in self.bodies]))
 
     def _apart(self, motions: Sequence[Array]) -> Array:
         """Return how far points move against each other by the motions (r,) of the bodies, (m, d)."""
@@ -164,7 +161,7 @@ class ContactWatch:
             closed &= track.paired
         count = int(np.count_nonzero(closed))
         sagitta = self._sagitta(state)
-        if not count and not (small and contact.rigid):
+        if not count and not (small and self.rigid):
             return Drift(sagitta=sagitta)
         approach, strain = self._pressed(closed, state.normal_force[part])
         if followed is None:
@@ -178,19 +175,18 @@ class ContactWatch:
             approach, strain = max(approach, elastic), max(strain, elastic / self.extent)
         if contact.friction is not None or contact.tied:
             given = self.geometry.kin.slip_along(case.slip0[part], part)
-            slip = track.slip(state.slip[part], given)
             # a belt is pressed in by its stretch along the drum
-            stretch = slip - dragged
-            approach = max(approach, track.spread(stretch, closed) if count else 0.0)
+            slip, spread = track.slip(state.slip[part], given, dragged, closed)
+            approach = max(approach, spread)
         else:
             slip = dragged
             if self.loose is not None:
                 slip = track.tangential(self._apart([body.motion(u) for body in self.loose]))
         approach = beyond_round_off(approach, self.extent)
         force = state.normal_force[part]
-        tool = tool_motion(self.system, contact, track, u)
+        tool = tool_motion(self.system, contact, track, u) if self.tool else None
         found = track.drift(closed, slip, gap[part], force, approach, case, self.i, part, tool)
-        if contact.rigid and tool is None and contact.friction is not None:
+        if self.rigid and tool is None and contact.friction is not None:
             found["off_arc"] = off_arc(case.motion[self.i], track, np.where(closed, force, 0.0))
         return Drift(count, approach=approach, strain=strain, sagitta=sagitta, **found)
 
@@ -208,7 +204,7 @@ class ContactWatch:
         contact, part, track = self.contact, self.part, self.track
         # how far bodies that no support holds against a tool are pressed in is known from forces alone,
         # which tell too little of it
-        if not track.curved or (contact.rigid and not self.held):
+        if not track.curved or (self.rigid and not self.held):
             return 0.0
         force, moved = np.where(state.status[part] != OPEN, state.normal_force[part], 0.0), None
         if contact.sliding == "finite" and isinstance(contact.primary, ContactSurface):
@@ -221,7 +217,7 @@ class ContactWatch:
         return track.sagitta(force, moved)
 
     def undetected(self, state: State, gap: Array, case: LoadCase, u: Array, drift: Drift) -> str:
-        """Return what contact conditions do not see of obstacles, in words; or nothing.
+        """Return what contact conditions do not see of an obstacle, in words; or nothing.
 
         Parameters are those of `drift`, and what it has found.
         """
@@ -233,7 +229,7 @@ class ContactWatch:
     def _untouched(self, gap: Array) -> str:
         """What is wrong where nothing touches an obstacle, in words; by the gaps of the answer."""
         contact, track = self.contact, self.track
-        if not isinstance(contact.primary, Obstacle) or contact.bilateral:
+        if contact.bilateral:
             return ""
         # what finds partners that it did not have has come to another place
         if self._depth_in_solid and (track.paired.any() or not np.isfinite(gap).any()):

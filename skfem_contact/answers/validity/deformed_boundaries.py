@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import PAIRS_AT_ONCE, PIECES
+from skfem_contact.arrays import Array, Index, Mask, off_segments
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
 from skfem_contact.bodies.facets import seen_from_outside
-from skfem_contact.bodies.nodes import facet_nodes, node_dofs
+from skfem_contact.bodies.selection import facet_nodes, node_dofs
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import SOLVED
 from skfem_contact.obstacles.obstacle import Obstacle
@@ -27,10 +28,6 @@ from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.vectors import ragged
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 #: The direction of rays in space, its first two in the plane: of no mesh that has a reason.
 RAY = np.array([0.8127, 0.3491, 0.4669])
@@ -223,7 +220,7 @@ class BoundaryNodes:
     def of(cls, body: Body) -> BoundaryNodes:
         """Those of a body."""
         basis, mesh = body.basis, body.basis.mesh
-        nodes = facet_nodes(basis, *seen_from_outside(mesh, mesh.boundary_facets()))
+        nodes = facet_nodes(mesh, basis, *seen_from_outside(mesh, mesh.boundary_facets()))
         some, facets = np.unique(nodes, return_inverse=True)
         dofs = node_dofs(basis, some, body.components)
         points = basis.doflocs[:, dofs[:, 0]].T
@@ -294,9 +291,7 @@ def _to_simplices(points: Array, corners: Array) -> Array:
     """Distances of points (p, d) from one piece or triangle each, (p, d, d)."""
     side = np.roll(corners, -1, axis=1) - corners
     away = points[:, None] - corners
-    square = np.maximum(np.einsum("psd,psd->ps", side, side), np.finfo(float).tiny)
-    part = np.clip(np.einsum("psd,psd->ps", away, side) / square, 0.0, 1.0)
-    to_edges = np.linalg.norm(away - part[..., None] * side, axis=2).min(axis=1)
+    to_edges = np.linalg.norm(off_segments(points[:, None], corners, side), axis=2).min(axis=1)
     if points.shape[1] == 2:
         return np.asarray(to_edges)
     normal = np.cross(side[:, 0], -side[:, 2])
@@ -466,7 +461,7 @@ def signed_distance(obstacle: Obstacle, surface: ContactSurface, points: Array) 
 
 def distances(obstacle: Obstacle, surface: ContactSurface) -> tuple[Array, Array, Mask]:
     """Distances, normals and partners of `Obstacle.distance`, of a level set to first order."""
-    from skfem_contact.obstacles.level_set import LevelSet
+    from skfem_contact.obstacles.shapes import LevelSet
 
     if not isinstance(obstacle, LevelSet):
         return obstacle.distance(surface)

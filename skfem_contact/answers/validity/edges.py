@@ -13,15 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import A_TENTH, OVERLAP
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.facets import area_vectors, seen_from_outside, twin_edges
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.thresholds import LEAN, OVERHANG, SHARP
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import A_TENTH, ALONE, OVERLAP, SAGITTA
 from skfem_contact.answers.validity.chords import bends, drawn_off, kinked_faces
@@ -33,6 +32,7 @@ from skfem_contact.answers.validity.edges import Edges, crossing, sharp_edges_of
 from skfem_contact.answers.validity.support import Extrapolation
 from skfem_contact.answers.validity.track import Track
 from skfem_contact.answers.validity.validity import Drift
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
@@ -42,17 +42,11 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.digits import SOLVED
-from skfem_contact.obstacles.motion import MotionLike
-from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.obstacles.obstacle import MotionLike, Obstacle
 from skfem_contact.obstacles.rigid_body import shape_of
 from skfem_contact.pairing.corners import unselected_sides
 from skfem_contact.pairing.node import Pairing, node_to_segment
 from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
-
 
 #: Triangles this many times as large as the faces that meet them: smaller ones are a bend themselves.
 LARGER = 2.0
@@ -131,8 +125,6 @@ class Overlaps:
         tracks, drifts : sequence of Track and Drift
             Of every contact.
         """
-        if not self.far:
-            return frozenset()
         u = self.geometry.spread(state.surface)
         u[self.held] = case.x[self.held]
         return self._look(self.far, self.beside_surfaces, u, case, tracks, drifts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import NO_APPROACH, SUPPORTED
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member, Meshed
 from skfem_contact.bodies.surface import ContactSurface
@@ -17,10 +18,6 @@ from skfem_contact.bodies.system import System
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,18 +109,28 @@ class Support:
         return bool(np.max(np.abs(moved), initial=0.0) < SUPPORTED)
 
 
+def motions_of(supports: Sequence[Support], x: Array) -> list[Array]:
+    """The motion of each of several bodies under prescribed values x (n,), (r,) each."""
+    return [support.motion(x) for support in supports]
+
+
+def off_rigid(supports: Mapping[str, Support], u: Array) -> dict[str, float]:
+    """How far known displacements are off a rigid motion, over the extent of their body, by name."""
+    off = {
+        name: np.max(np.abs(u[s.dofs] - s.unit @ s.motion(u)), initial=0.0)
+        for name, s in supports.items()
+    }
+    return {name: float(size) / supports[name].arm for name, size in off.items()}
+
+
 def unit_motions(points: Array, centre: Array, arm: float) -> Array:
     """Displacements (m, d, r) of points by translations and turns, of order one."""
-    if points.shape[1] == 3:
-        modes = np.zeros((len(points), 3, 6))
-        modes[:, :, :3] = np.eye(3)
-        arms = np.broadcast_to((points - centre)[:, None] / arm, (len(points), 3, 3))
-        modes[:, :, 3:] = np.swapaxes(np.cross(np.eye(3), arms), 1, 2)
-        return modes
-    modes = np.zeros((len(points), 2, 3))
-    modes[:, 0, 0] = modes[:, 1, 1] = 1.0
-    x = (points - centre) / arm
-    modes[:, 0, 2], modes[:, 1, 2] = -x[:, 1], x[:, 0]
+    d, away = points.shape[1], (points - centre) / arm
+    planes = [(0, 1)] if d == 2 else [(1, 2), (2, 0), (0, 1)]
+    modes = np.zeros((len(points), d, d + len(planes)))
+    modes[:, :, :d] = np.eye(d)
+    for turn, (i, j) in enumerate(planes, start=d):
+        modes[:, i, turn], modes[:, j, turn] = -away[:, j], away[:, i]
     return modes
 
 
@@ -184,9 +191,9 @@ class Extrapolation:
         return part
 
 
-def soft(size: float, stiff: Array) -> float:
-    """Approach of a side under a force, by the stiffness (m,) of its nodes; zero of a rigid one."""
-    return float(size / np.median(stiff[stiff > 0])) if (stiff > 0).any() else 0.0
+def moving(supports: Sequence[Support], points: Array) -> list[Array]:
+    """How far motions of each body move points (m, d), (m, d, r) each."""
+    return [unit_motions(points, support.centre, support.arm) for support in supports]
 
 
 def beyond_round_off(approach: float, extent: float) -> float:
@@ -194,20 +201,25 @@ def beyond_round_off(approach: float, extent: float) -> float:
     return approach if approach > NO_APPROACH * extent else 0.0
 
 
-def spared(
+def pressed_in(
     pairing: Pairing, sides: Sequence[ContactSurface], stiff: Sequence[Array], size: Sequence[float]
-) -> Array | None:
-    """What `soft` of both sides is too much at points whose nodes supports hold, (m,), or None."""
-    too_much, any_held = np.zeros(len(pairing.gap)), False
+) -> tuple[float, Array | None]:
+    """Approach of both sides under a force; and what that is too much at points that supports hold.
+
+    By the stiffness (m,) of the nodes of each side. The second is of shape (m,), or None where none is.
+    """
+    approach, too_much, any_held = 0.0, np.zeros(len(pairing.gap)), False
     weights = pairing.secondary_weights, pairing.primary_weights
     for W, side, d, h in zip(weights, sides, stiff, size, strict=False):
+        soft = float(h / np.median(d[d > 0])) if (d > 0).any() else 0.0
+        approach += soft
         held = side.held.all(axis=1)
         if held.any():
             any_held = True
             total = np.asarray(abs(W).sum(axis=1)).ravel()
             share = np.asarray(abs(W) @ held) / np.where(total > 0, total, 1.0)
-            too_much += share * soft(h, d)
-    return too_much if any_held else None
+            too_much += share * soft
+    return approach, too_much if any_held else None
 
 
 def elastic_approach(result: Answer, i: int, closed: Mask, displacement: Array | None = None) -> float:

@@ -12,11 +12,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.validity.chords import sagittas
 from skfem_contact.answers.validity.deformed_boundaries import distances
-from skfem_contact.arrays import largest
+from skfem_contact.arrays import Array, Mask, largest, off_segments
+from skfem_contact.bodies.normals import angle_between
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
@@ -28,10 +28,6 @@ from skfem_contact.obstacles.rigid_body import shape_of
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.trees import Tree
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 #: What `Track.drift` says where nothing has slid past an end.
 NONE_PAST = {"beyond": 0, "overhang": 0.0, "beyond_share": 0.0}
@@ -172,15 +168,24 @@ class Track:
             return float(self.spacing.dot(closed))
         return float(np.sqrt(np.sum(self.spacing[closed] ** 2)))
 
-    def slip(self, vectors: Array, given: Array) -> Array:
-        """Slips from vectors (m, d), less what obstacles give along the tangents, (m, d-1)."""
-        return self.tangential(vectors) - np.einsum("mk,mkd->md", given, self.tangent)
+    def slip(self, vectors: Array, given: Array, dragged: Array, closed: Mask) -> tuple[Array, float]:
+        """Slips from vectors (m, d), less what obstacles give along the tangents, (m, d-1).
+
+        And by how much those of closed points differ, what supports drag them by taken off [length].
+        """
+        slip = self.tangential(vectors) - np.einsum("mk,mkd->md", given, self.tangent)
+        return slip, self._spread(slip - dragged, closed) if closed.any() else 0.0
+
+    def split(self, vectors: Array) -> tuple[Array, Array]:
+        """The part of vectors (m, d) along the normal of each point, (m,), and that in its plane."""
+        along = dot(vectors, self.normal)
+        return along, np.asarray(vectors - along[:, None] * self.normal)
 
     def tangential(self, vectors: Array) -> Array:
         """The part of vectors (m, d) in the tangent plane of each point."""
-        return np.asarray(vectors - dot(vectors, self.normal)[:, None] * self.normal)
+        return self.split(vectors)[1]
 
-    def spread(self, stretch: Array, closed: Mask) -> float:
+    def _spread(self, stretch: Array, closed: Mask) -> float:
         """By how much slips (m, d) of closed points differ; in the plane along the surface [length]."""
         if stretch.shape[1] == 2:
             return float(np.ptp(dot(stretch, self.tangent[:, 0])[closed]))
@@ -297,7 +302,7 @@ class Track:
         distance, normal, facing = distances(obstacle.moved(motion.as_argument()), at)
         true = distance + added
         compared = closed & self.by_node
-        angle = angles_between(self.normal, normal)
+        angle = angle_between(self.normal, normal)
         found["tilt"] = float(np.max(angle[compared], initial=0.0))
         sunk, noise = ~closed & facing & self.paired, COMPUTED * float(np.max(np.abs(at.points)))
         return found | _gaps_at_obstacle(true, gap, compared, sunk, approach, noise)
@@ -319,14 +324,6 @@ def node_lengths(surface: ContactSurface, pairing: Pairing) -> Array:
     share = np.array([0.5, 0.5] if surface.facets.shape[1] == 2 else [0.25, 0.25, 0.5])
     length = (surface.lengths[:, None] * share).ravel()
     return np.asarray(np.bincount(surface.facets.ravel(), length, len(surface.points)), dtype=float)
-
-
-def angles_between(one: Array, other: Array) -> Array:
-    """Angles between unit vectors (m, d), exact where they are small, (m,) [rad]."""
-    cross = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
-    if one.shape[1] == 3:
-        cross = np.linalg.norm(np.cross(one, other), axis=1)
-    return np.arctan2(np.abs(cross), dot(one, other))
 
 
 def tool_motion(
@@ -430,12 +427,8 @@ class Rim:
             return np.full(len(points), -np.inf)
         few = min(8, len(self.corners))
         near = np.asarray(self.tree.query(points, k=few)[1]).reshape(len(points), few)
-        start = self.corners[near, 0]
-        away = points[:, None] - start
-        if self.corners.shape[1] == 2:
-            way = self.corners[near, 1] - start
-            part = np.clip(np.sum(away * way, axis=2) / np.sum(way**2, axis=2), 0.0, 1.0)
-            away = away - part[..., None] * way
+        start, end = self.corners[near, 0], self.corners[near, -1]
+        away = off_segments(points[:, None], start, end - start)
         distance = np.linalg.norm(away, axis=2)
         # of two edges that meet at the nearest corner the one that the point is farther out of
         out = np.sum(away * self.outward[near], axis=2)

@@ -31,7 +31,6 @@ from dataclasses import field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import A_TENTH, ALONE, FACETS, LOCKED, OVERLAP, SAGITTA
 from skfem_contact.answers.validity.track import Track
@@ -41,7 +40,6 @@ from skfem_contact.records import dataclass
 if TYPE_CHECKING:
     from skfem_contact.answers.validity.deformed_boundaries import Meeting
 
-Array = NDArray[np.float64]
 
 #: What has been warned of in a history: kind, and name of the contact or body. Or what
 #: has been seen, of whom, and the doublings of the approach at which whole bodies were looked at.
@@ -154,7 +152,7 @@ class Drift:
 
     @property
     def passes_end(self) -> bool:
-        """Whether much of the force acts beyond the end; the mesh resolves whole shares of points."""
+        """True if much of the force acts beyond the end; the mesh resolves whole shares of points."""
         return self.beyond > 0 and self.beyond_share > A_TENTH
 
 

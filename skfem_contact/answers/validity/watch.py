@@ -8,27 +8,21 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import A_TENTH, PRESSED, SUSPECTED
 from skfem_contact.answers.validity.assess import Assessment
 from skfem_contact.answers.validity.contact_watch import ContactWatch
-from skfem_contact.answers.validity.locking import lockable, may_lock
 from skfem_contact.answers.validity.overlaps import Overlaps
-from skfem_contact.answers.validity.strain import leaning, rigid_rotations
-from skfem_contact.answers.validity.support import Support
+from skfem_contact.answers.validity.strain import leaning, lockable, may_lock, rigid_rotations
+from skfem_contact.answers.validity.support import Support, motions_of, off_rigid
 from skfem_contact.answers.validity.validity import Diagnostics, Issued
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface
-from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import State
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import warn
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 ONCE = " (Said once in a history, at the first step beyond the bound; result.validity has the numbers.)"
 
@@ -85,64 +79,65 @@ class Watch:
         # whether displacements at the contact DOFs are asked for
         self.asks = bool(self.floating) or any(watch.asks for watch in self.watches)
         # the supports of bodies that turn as their prescribed DOFs say; rigid ones may turn
-        self.turning = [
-            (name, b)
+        self.turning = {
+            name: b
             for b, (name, support) in enumerate(zip(self.system.names, self.supports, strict=True))
             if len(support.dofs) and name in self.system.solids
-        ]
-        self._moved: tuple[Array, list[Array], list[Any]] | None = None  # see `_followed`
+        }
+        self._moved: tuple[Array, list[Any], dict[str, float], dict[str, float]] | None = None
 
-    def look(
-        self,
-        state: State,
-        gap: Array,
-        case: LoadCase,
-        issued: Issued,
-        displacement: Callable[[], Array],
-        everywhere: Callable[[], Array],
-    ) -> Diagnostics:
-        """See an answer.
+    def look(self, result: Answer, issued: Issued, leaning: dict[str, float]) -> None:
+        """See an answer, note in it what is seen, and say what is beyond the bounds.
+
+        What has been said in its history is not said again. What a step suspects is measured by
+        `assess`, which has the last word.
 
         Parameters
         ----------
-        state, gap, case
-            Of the answer.
+        result : Answer
         issued : frozenset
             What has been warned of before in its history.
-        displacement : callable
-            Gives displacements (n,) that are right at the contact DOFs; called only where bodies
-            that nothing holds along a frictionless contact may slide on it, and for rigid bodies.
-        everywhere : callable
-            Gives displacements (n,) that are right at all DOFs; called where such bodies slide along an
-            axis, so that their contact DOFs do not tell.
+        leaning : dict
+            See `Diagnostics`.
+
+        Warns
+        -----
+        ContactWarning
+            One for each contact and body, with the numbers and the setting to change.
         """
-        if not self.moves:
-            return Diagnostics(issued=issued)
-        u = (everywhere if self.inside else displacement)() if self.asks else np.zeros(0)
-        motions, followed = self._followed(case.x)
+        if self.moves:
+            result.diagnostics = self._seen(result, issued, leaning)
+            result.diagnostics = self._warned(result)
+        else:
+            result.diagnostics = Diagnostics(issued=issued, leaning=leaning)
+
+    def _seen(self, result: Answer, issued: Issued, leaning: dict[str, float]) -> Diagnostics:
+        state, gap, case, u = result.state, result.gap, result.worn_case, np.zeros(0)
+        if self.asks:  # where bodies slide along an axis their contact DOFs do not tell
+            u = result.u if self.inside else result.recover.at_contact()
+        followed, turns, stretches = self._followed(case.x)
         drifts = [
             watch.drift(state, gap, case, u, moved)
             for watch, moved in zip(self.watches, followed, strict=True)
         ]
-        turns, stretches = {}, {}
-        for name, b in self.turning:
-            turn = motions[b][2] if self.dim == 2 else np.linalg.norm(motions[b][3:])
-            turns[name] = float(turn) / self.supports[b].arm
-            stretches[name] = self._stretch(self.supports[b], case.x)
-        stretches |= {name: self._stretch(known, u) for name, known in self.floating.items()}
+        if self.floating:
+            stretches = stretches | off_rigid(self.floating, u)
         if len(state.surface):  # of what slides far
-            turns |= rigid_rotations(self.system, self.contacts, state.surface)
-        undetected = [
-            watch.undetected(state, gap, case, u, drift)
+            turns = turns | rigid_rotations(self.system, self.contacts, state.surface)
+        undetected = {
+            watch.i: watch.undetected(state, gap, case, u, drift)
             for watch, drift in zip(self.watches, drifts, strict=True)
-        ]
+            if watch.on_obstacle
+        }
+        far = self.overlaps.far
         return Diagnostics(
             tuple(drifts),
             turns,
             issued,
             tuple(self.tracks),
-            self.overlaps.look_far(state, case, self.tracks, drifts),
-            {i: text for i, text in enumerate(undetected) if text},
+            self.overlaps.look_far(state, case, self.tracks, drifts) if far else frozenset(),
+            {i: text for i, text in undetected.items() if text},
+            leaning=leaning,
             stretches=stretches,
         )
 
@@ -153,35 +148,26 @@ class Watch:
         own = [s.dofs.ravel() for s in sides if isinstance(s, ContactSurface) and s.body is body]
         return np.unique(np.concatenate([body.D, *own])).astype(np.intp)
 
-    def _stretch(self, known: Support, u: Array) -> float:
-        """Return how far known displacements are off a rigid motion, over the extent of their body."""
-        if not len(known.dofs):
-            return 0.0
-        rigid = known.unit @ known.motion(u)
-        return float(np.max(np.abs(u[known.dofs] - rigid))) / known.arm
-
-    def _followed(self, x: Array) -> tuple[list[Array], list[Any]]:
-        """The motions of the supports under prescribed values x (n,), and what every watch follows.
+    def _followed(self, x: Array) -> tuple[list[Any], dict[str, float], dict[str, float]]:
+        """What every watch follows under prescribed values x (n,); turns and stretches of supports.
 
         Those of the last x are known.
         """
         known = self._moved
         if known is None or known[0] is not x:
-            motions = [support.motion(x) for support in self.supports]
+            motions = motions_of(self.supports, x)
             followed = [watch.followed(motions) for watch in self.watches]
-            known = self._moved = x, motions, followed
+            turns = {
+                name: float(m[2] if self.dim == 2 else np.linalg.norm(m[3:])) / self.supports[b].arm
+                for name, b in self.turning.items()
+                for m in [motions[b]]
+            }
+            stretches = off_rigid({name: self.supports[b] for name, b in self.turning.items()}, x)
+            known = self._moved = x, followed, turns, stretches
         return known[1:]
 
-    def warn(self, result: Answer) -> Diagnostics:
-        """Say what is beyond the bounds and has not been said in this history.
-
-        What a step suspects is measured by `assess`, which has the last word.
-
-        Warns
-        -----
-        ContactWarning
-            One for each contact and body, with the numbers and the setting to change.
-        """
+    def _warned(self, result: Answer) -> Diagnostics:
+        """Say what is beyond the bounds and has not been said in this history."""
         known = result.diagnostics
         suspected, looked = self._suspected(result)
         bodies, seen = self._strained(result)
@@ -218,8 +204,6 @@ class Watch:
         known, case = result.diagnostics, result.case
         found: dict[int, set[str]] = {}
         looked = Issued()
-        if not self.moves:
-            return found, looked
         for i, drift in enumerate(known.drifts):
             name, overlaps = self.interface.names[i], i in known.intrusions
             if self.watches[i].of_triangles or i in self.overlaps.near:
@@ -250,8 +234,6 @@ class Watch:
         looked at once each doubling of its approach.
         """
         found, looked = list[str](), Issued()
-        if not self.moves:
-            return found, looked
         known, lock = result.diagnostics, lockable(result) if self._may_lock else []
         size = dict.fromkeys(self.solids, (0.0, 0.0))
         for drift, watch in zip(known.drifts, self.watches, strict=True):

@@ -138,26 +138,15 @@ def _way_out(part: ContactValidity, contact: Contact, meeting: Meeting) -> str:
     return "See that both surfaces cover all that may touch, and refine them where they do"
 
 
-def rotation_words(far: dict[str, float]) -> str:
-    """Say that bodies have turned further than linear elasticity follows, and what to do.
-
-    Parameters
-    ----------
-    far : dict
-        Rotations by body name [rad].
-    """
-    worst = max(abs(angle) for angle in far.values())
-    listed = " and ".join(
-        f"'{name}' has turned by {angle:.3g} rad ({np.degrees(angle):.3g} degrees)"
-        for name, angle in far.items()
-    )
-    strain = 1 - np.cos(worst)
+def rotation_words(name: str, angle: float) -> str:
+    """Say that a body has turned further than linear elasticity follows, and what to do."""
     return (
-        f"Body {listed}, on the whole. Bodies are linear: "
-        f"their stiffness and loads do not turn with them, so a rotation is a strain of {strain:.1g} "
-        f"to them, and contact forces, whose directions do turn, are off by about {100 * worst:.0f} %. "
-        "Sliding may be large, rotations of deformable bodies may not. Turn the rigid obstacle "
-        "instead (motion=...), or rebuild the body in its turned position and continue there."
+        f"Body {name!r} has turned by {angle:.3g} rad ({np.degrees(angle):.3g} degrees), on the whole. "
+        "Bodies are linear: their stiffness and loads do not turn with them, so a rotation is a strain "
+        f"of {1 - np.cos(angle):.1g} to them, and contact forces, whose directions do turn, are off by "
+        f"about {100 * angle:.0f} %. Sliding may be large, rotations of deformable bodies may not. "
+        "Turn the rigid obstacle instead (motion=...), or rebuild the body in its turned position and "
+        "continue there."
     )
 
 

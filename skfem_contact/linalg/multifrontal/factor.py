@@ -29,7 +29,7 @@ from __future__ import annotations
 import math
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,13 +38,12 @@ from scipy.linalg.lapack import dpotrf
 
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.backend import BodyFactor
-from skfem_contact.linalg.dense_factors import mirror
+from skfem_contact.linalg.dense_factors import blocks, mirror
 from skfem_contact.linalg.multifrontal.fronts import (
-    Leftovers,
+    Fronts,
     Pattern,
     checked_matrix,
     dense_block,
-    extend_add,
     find_runs,
     panels,
 )
@@ -258,7 +257,7 @@ class MultifrontalCholesky(BodyFactor):
             if f < len(panels) - 1:  # what the last one leaves is added to S as it stands
                 rows = fronts.target[first[f] : first[f + 1]]
                 above = *panels[parent[f]], *leftovers.of(parent[f])
-                extend_add(above, F22, rows, runs[f])
+                _extend_add(above, F22, rows, runs[f])
                 leftovers.give_back(f)
         pivots = np.concatenate([L11.diagonal() for L11, _ in self.panels])
         ratios = pivots**2 / diagonal[: pivots.size]
@@ -294,8 +293,74 @@ class MultifrontalCholesky(BodyFactor):
                 y[:] = dtrsm(1.0, L11.T, less, side=1, lower=1, overwrite_b=1).T
 
 
-if TYPE_CHECKING:
-    from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
+class Leftovers:
+    """Memory of what fronts leave to their parents: one array for all, filled from both ends.
+
+    A front has its square from the time when the first of its children is done, and each child adds to
+    it at once: so those that are there at a time, and their parents, are on one way to the top. Those
+    of even depth take from the beginning of the array, those of odd depth from its end, and the last
+    one taken at either end is given back first. Memory is touched for the first time once, not in every
+    front: that took as long as the additions. What the top of the tree leaves is S.
+    """
+
+    def __init__(self, fronts: Fronts, S: np.ndarray) -> None:
+        self._sizes = np.diff(fronts.first).tolist()
+        self._odd = fronts.odd
+        self._memory = np.empty(fronts.waiting)
+        self._used = [0, 0]  # entries at either end
+        self._taken = {fronts.parent.size - 2: S}
+
+    def of(self, front: int) -> tuple[np.ndarray, bool]:
+        """The square for the border of a front, and whether it holds zeros as yet."""
+        known = self._taken.get(front)
+        if known is not None:
+            return known, False
+        b, odd = self._sizes[front], self._odd[front]
+        begin = self._used[odd] if not odd else self._memory.size - self._used[odd] - b * b
+        self._used[odd] += b * b
+        new = self._taken[front] = self._memory[begin : begin + b * b].reshape(b, b)
+        for some in blocks(b):  # half of it, as it takes long to touch memory for the first time
+            new[some, some.start :] = 0.0
+        return new, True
+
+    def give_back(self, front: int) -> None:
+        """Return what a front took is free again."""
+        del self._taken[front]
+        self._used[self._odd[front]] -= self._sizes[front] ** 2
+
+
+def _extend_add(
+    parent: tuple[np.ndarray, np.ndarray, np.ndarray, bool],
+    C: np.ndarray,
+    rows: np.ndarray,
+    runs: list[tuple[int, int, int]],
+) -> None:
+    """Add what a child left over; only the lower triangles count (here: upper, transposed).
+
+    With the `first` child of a front `F22` holds zeros as yet: it is written, which is quicker.
+    """
+    F11, F21, F22, first = parent
+    p = len(F11)
+    if 6 * (len(runs) + 1) > len(rows):  # scattered: one by one
+        k = int(rows.searchsorted(p))
+        near, far = rows[:k], rows[k:] - p
+        F11[near[:, None], near] += C[:k, :k]
+        F21[near[:, None], far] += C[:k, k:]
+        F22[far[:, None], far] += C[k:, k:]
+        return
+    pivots = [run for run in runs if run[2] < p]
+    border = [(a, b, i - p) for a, b, i in runs[len(pivots) :]]
+    for number, (a, b, i) in enumerate(pivots):
+        for c, d, j in pivots[number:]:
+            F11[i : i + b - a, j : j + d - c] += C[a:b, c:d]
+        for c, d, j in border:
+            F21[i : i + b - a, j : j + d - c] += C[a:b, c:d]
+    for number, (a, b, i) in enumerate(border):
+        for c, d, j in border[number:]:
+            if first:
+                F22[i : i + b - a, j : j + d - c] = C[a:b, c:d]
+            else:
+                F22[i : i + b - a, j : j + d - c] += C[a:b, c:d]
 
 
 class SurfaceResponse:
@@ -342,6 +407,7 @@ class SurfaceResponse:
             if start[f] < start[f + 1]
         ]
 
+    @np.errstate(over="ignore", invalid="ignore")  # the triangles that do not count hold anything
     def _read(self, panel: Array) -> NDArray[Any]:
         return panel.astype(self._kind, copy=False)
 

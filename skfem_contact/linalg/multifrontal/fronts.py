@@ -7,13 +7,14 @@ of the box left over. The last front holds the DOFs that are kept and eliminates
 Positions count DOFs in the order of elimination, deepest boxes first, so that the pivots of
 front f are the positions ``start[f]`` to ``start[f + 1]`` and all of its border comes later.
 
-Numbers: where they are kept in the fronts, and how fronts add up.
+Numbers: where they are kept in the fronts.
 
 From the pattern alone it is known how large a factorisation will be.
 """
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -280,10 +281,13 @@ class Pattern(NamedTuple):
     places : iterable of pairs of ndarray of int
         Where entries that factors begin with are in the matrix, and where in the storage of all
         factors; some rows at a time. An iterator serves one matrix, a list many.
+    spare : list of ndarray
+        Storage of factors that nobody has any more: new memory takes the system as long as the factors.
     """
 
     fronts: Fronts
     places: Iterable[tuple[np.ndarray, np.ndarray]]
+    spare: list[Any]
 
     @classmethod
     def of(
@@ -291,11 +295,18 @@ class Pattern(NamedTuple):
     ) -> Pattern:
         """Say that of one matrix; parameters are those of `MultifrontalCholesky`."""
         fronts = analyse(K, points, keep, leaf, free)
-        return cls(fronts, _places(fronts, lower_entries(K, fronts.position, fronts.start, free)))
+        places = _places(fronts, lower_entries(K, fronts.position, fronts.start, free))
+        return cls(fronts, places, [])
 
     def gather(self, K: Any) -> np.ndarray:
         """Storage for all factors, with the entries of `K` in their places."""
-        data = np.zeros(self.fronts.panel[-2])
+        try:
+            memory = self.spare.pop()
+            memory[:] = 0.0
+        except IndexError:
+            memory = np.zeros(self.fronts.panel[-2])
+        data = np.frombuffer(memoryview(memory))  # which all views keep alive, and not the memory alone
+        weakref.finalize(data, self.spare.append, memory)
         for which, place in self.places:
             data[place] = K.data[which]
         return data
@@ -341,76 +352,6 @@ def panels(data: np.ndarray, fronts: Fronts) -> list[tuple[np.ndarray, np.ndarra
         (data[o : o + p * p].reshape(p, p), data[o + p * p : o + p * (p + b)].reshape(p, b))
         for o, (p, b) in zip(begin[:-2], sizes, strict=False)  # without what is kept
     ]
-
-
-class Leftovers:
-    """Memory of what fronts leave to their parents: one array for all, filled from both ends.
-
-    A front has its square from the time when the first of its children is done, and each child adds to
-    it at once: so those that are there at a time, and their parents, are on one way to the top. Those
-    of even depth take from the beginning of the array, those of odd depth from its end, and the last
-    one taken at either end is given back first. Memory is touched for the first time once, not in every
-    front: that took as long as the additions. What the top of the tree leaves is S.
-    """
-
-    def __init__(self, fronts: Fronts, S: np.ndarray) -> None:
-        self._sizes = np.diff(fronts.first).tolist()
-        self._odd = fronts.odd
-        self._memory = np.empty(fronts.waiting)
-        self._used = [0, 0]  # entries at either end
-        self._taken = {fronts.parent.size - 2: S}
-
-    def of(self, front: int) -> tuple[np.ndarray, bool]:
-        """The square for the border of a front, and whether it holds zeros as yet."""
-        known = self._taken.get(front)
-        if known is not None:
-            return known, False
-        b, odd = self._sizes[front], self._odd[front]
-        begin = self._used[odd] if not odd else self._memory.size - self._used[odd] - b * b
-        self._used[odd] += b * b
-        new = self._taken[front] = self._memory[begin : begin + b * b].reshape(b, b)
-        for some in blocks(b):  # half of it, as it takes long to touch memory for the first time
-            new[some, some.start :] = 0.0
-        return new, True
-
-    def give_back(self, front: int) -> None:
-        """Return what a front took is free again."""
-        del self._taken[front]
-        self._used[self._odd[front]] -= self._sizes[front] ** 2
-
-
-def extend_add(
-    parent: tuple[np.ndarray, np.ndarray, np.ndarray, bool],
-    C: np.ndarray,
-    rows: np.ndarray,
-    runs: list[tuple[int, int, int]],
-) -> None:
-    """Add what a child left over; only the lower triangles count (here: upper, transposed).
-
-    With the `first` child of a front `F22` holds zeros as yet: it is written, which is quicker.
-    """
-    F11, F21, F22, first = parent
-    p = len(F11)
-    if 6 * (len(runs) + 1) > len(rows):  # scattered: one by one
-        k = int(rows.searchsorted(p))
-        near, far = rows[:k], rows[k:] - p
-        F11[near[:, None], near] += C[:k, :k]
-        F21[near[:, None], far] += C[:k, k:]
-        F22[far[:, None], far] += C[k:, k:]
-        return
-    pivots = [run for run in runs if run[2] < p]
-    border = [(a, b, i - p) for a, b, i in runs[len(pivots) :]]
-    for number, (a, b, i) in enumerate(pivots):
-        for c, d, j in pivots[number:]:
-            F11[i : i + b - a, j : j + d - c] += C[a:b, c:d]
-        for c, d, j in border:
-            F21[i : i + b - a, j : j + d - c] += C[a:b, c:d]
-    for number, (a, b, i) in enumerate(border):
-        for c, d, j in border[number:]:
-            if first:
-                F22[i : i + b - a, j : j + d - c] = C[a:b, c:d]
-            else:
-                F22[i : i + b - a, j : j + d - c] += C[a:b, c:d]
 
 
 @dataclass(frozen=True)
