@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -34,9 +34,6 @@ from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.response import Conditions
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal, sealed
-
-if TYPE_CHECKING:
-    from skfem_contact.answers.certificate import Certificate
 
 
 @dataclass(eq=False)
@@ -206,13 +203,6 @@ class Answer:
     def u(self) -> Array:
         """Displacements of all bodies, shape (n,) [length]; recovered when first asked for."""
         return sealed(self.recover())
-
-    @once
-    def certificate(self) -> Certificate:
-        """How well the equations hold; measured when first asked for."""
-        from skfem_contact.answers.certificate import certify  # which is of answers
-
-        return certify(self)
 
     @property
     def worn_case(self) -> LoadCase:
