@@ -29,6 +29,7 @@ from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.member import Member
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import LinearSolveError, SingularMatrix
+from skfem_contact.linalg.backend import BodyFactor
 from skfem_contact.linalg.dense_factors import mirror, symmetrise
 from skfem_contact.linalg.singular import NotPositiveDefinite, singular, smallest_eigenvalue
 from skfem_contact.linalg.thresholds import ACCEPTED, NEGLIGIBLE
@@ -39,7 +40,7 @@ from skfem_contact.petsc.stacked import StackedStiffness
 from skfem_contact.petsc.stiffness import Layout, RankedStiffness
 
 
-class DistributedFactor:
+class DistributedFactor(BodyFactor):
     """A `BodyFactor` over MPI ranks.
 
     Parameters
@@ -94,11 +95,6 @@ class DistributedFactor:
         left = 8 * len(self.keep) ** 2 if self._share.has_complement else 0
         return self._share.memory + left + self.S.nbytes
 
-    def take_S(self) -> Array:
-        """`S` for the caller alone; from now on `S` is empty here."""
-        S, self.S = self.S, np.zeros((0, 0))
-        return S
-
     def eliminate(self, f: Array) -> Array:
         """``K_ii^-1 f_i``, then ``f_c - K_ci K_ii^-1 f_i``, (n,) or (n, r) -> (n, r)."""
         f = np.asarray(f, dtype=float).reshape(len(f), -1)
@@ -120,11 +116,6 @@ class DistributedFactor:
                 eliminated[:inner] += self._coupled(u_keep, True)[0][self.interior]
         eliminated[inner:] = u_keep
         return eliminated
-
-    def reduce_load(self, f: Array) -> Array:
-        """``f_c - K_ci K_ii^-1 f_i``, (n,) or (n, r)."""
-        f = np.asarray(f, dtype=float)
-        return self.eliminate(f)[len(self.interior) :].reshape(-1, *f.shape[1:])
 
     def response(self, dofs: Index) -> DistributedResponse:
         """Return the displacements that forces on some DOFs (m,) cause there."""

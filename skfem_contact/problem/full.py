@@ -19,7 +19,7 @@ from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.linalg.direct import as_linear_solver
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
-from skfem_contact.problem.seam import ContactProblem, Posed, PosedOn
+from skfem_contact.problem.seam import ContactProblem, PosedOn
 from skfem_contact.problem.sparse import DependentRows, DisplacementsInSeries, SparseSpace
 from skfem_contact.problem.springs import point_resistance, spring_compliance
 from skfem_contact.problem.thresholds import STIFFER
@@ -60,14 +60,12 @@ class FullSystem:
         return FullProblem(self, on, prefer, labels)
 
 
-class FullProblem(Posed):
+class FullProblem(ContactProblem):
     """The contact problem on all DOFs."""
 
-    points = None
+    _seen: DisplacementsInSeries | None = None
 
     def __init__(self, bodies: FullSystem, on: PosedOn, prefer: Mask, labels: Sequence[str]) -> None:
-        super().__init__(on)
-        self.slips = bool(on.slipping.any())
         self.space = SparseSpace(
             K=bodies.K,
             kin=on.kin,
@@ -80,8 +78,7 @@ class FullProblem(Posed):
             points=bodies.points,
             modes=bodies.modes,
         )
-        self.springs: Array | None = None
-        self._seen: DisplacementsInSeries | None = None
+        super().__init__(bodies, on)
 
     def _begin_anew(self) -> None:
         super()._begin_anew()
@@ -144,10 +141,6 @@ class FullProblem(Posed):
         """The load case as it stands."""
         return Load(case.f, case.gap0, case.slip0, case.x)
 
-    def source(self, load: Load, response: Response) -> Source:
+    def sources(self, found: Sequence[tuple[Load, Response]]) -> list[Source]:
         """Displacements of all DOFs."""
-        return Source(response.solution, forces=False)
-
-    def surface(self, source: Source, case: LoadCase) -> Array:
-        """Displacements of all DOFs (n,)."""
-        return source.values
+        return [Source(response.solution, forces=False) for _, response in found]
