@@ -18,8 +18,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.assemblies.thresholds import NEARLY, OPPOSITE, TOWARDS_RIM, UNSURE
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import node_positions
@@ -29,10 +29,6 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.search import FacetTree, Nodes
 from skfem_contact.pairing.vectors import dot, ragged
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 class Sights(NamedTuple):

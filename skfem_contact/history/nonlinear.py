@@ -31,9 +31,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.placed import Iteration, Placed, point_forces
+from skfem_contact.arrays import Array
 from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
@@ -68,7 +68,6 @@ from skfem_contact.sealed import sealed
 if TYPE_CHECKING:
     from skfem_contact.history.equilibrium import Known
 
-Array = NDArray[np.float64]
 
 logger = logging.getLogger("skfem_contact")
 

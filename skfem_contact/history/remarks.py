@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.sparse import block_diag, csr_matrix
 
@@ -17,8 +16,6 @@ from skfem_contact.digits import GIVEN
 from skfem_contact.errors import ContactError
 from skfem_contact.history.load_step import Attempt
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
-
-Array = NDArray[np.float64]
 
 UNSTABLE = (
     "The answer is in equilibrium, but not stable: its tangent stiffness is not positive definite with "

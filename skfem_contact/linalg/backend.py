@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.remote import RemoteStiffness, check_whole
 from skfem_contact.errors import InputError
@@ -19,9 +19,6 @@ from skfem_contact.records import dataclass
 
 if TYPE_CHECKING:
     from skfem_contact.elimination.constraint import AffineConstraint
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class Stacked(RemoteStiffness):

@@ -7,16 +7,13 @@ no factors then. SuperLU has, and the condensed stiffness, which is symmetric, i
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.backend import BodyFactor
 from skfem_contact.linalg.multifrontal.ordering import dissection_order
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class IndefiniteFactor(BodyFactor):

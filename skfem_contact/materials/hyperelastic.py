@@ -12,9 +12,9 @@ from dataclasses import field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.arguments import PrintedAsCall, with_known_keywords
+from skfem_contact.arrays import Array
 from skfem_contact.errors import InputError
 from skfem_contact.materials.elastic import Elastic
 from skfem_contact.materials.material import (
@@ -27,8 +27,6 @@ from skfem_contact.materials.material import (
 )
 from skfem_contact.materials.tensors import deviator, double, isotropic, trace, unit
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
 
 
 class Hyperelastic(Split):

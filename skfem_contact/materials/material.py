@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skfem_contact.arguments import check_switch, number, shown
+from skfem_contact.arrays import Array
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.materials.tensors import solid, trace, unit
 
-Array = NDArray[np.float64]
 State = Mapping[str, Array]
 
 

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.arguments import numbers
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
 from skfem_contact.bodies.surface import ContactSurface
@@ -44,10 +45,6 @@ from skfem_contact.output.fields import body_cells, body_nodes, labelled, quanti
 from skfem_contact.output.tools import AROUND
 from skfem_contact.output.view import ROUND, Box, View, placed_tools
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 #: From where solids are seen, and what is above there.
 VIEWER, UP = (1.0, -1.5, 1.0), (0.0, 0.0, 1.0)

@@ -27,11 +27,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix, diags
 
-from skfem_contact.arrays import block_diagonal
+from skfem_contact.arrays import Array, Mask, block_diagonal
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import columns_of, stacked_rows, with_columns
 from skfem_contact.errors import SingularMatrix
@@ -44,10 +43,6 @@ from skfem_contact.problem.springs import point_resistance, resistance_by, sprin
 from skfem_contact.problem.substructure import Components, Substructure, Substructures
 from skfem_contact.problem.thresholds import RECOVERED_AT_ONCE, STIFFER
 from skfem_contact.problem.zone import Compliance, Zones
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 class Condensed(Substructures[Substructure]):

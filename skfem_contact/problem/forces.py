@@ -27,9 +27,9 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import lu
@@ -41,10 +41,6 @@ from skfem_contact.problem.springs import point_resistance
 from skfem_contact.problem.thresholds import ROUGHLY, STIFFER
 from skfem_contact.problem.whole import Layers, Whole
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)

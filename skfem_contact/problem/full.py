@@ -9,10 +9,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag as dense_block_diag
 from scipy.sparse import block_diag, csr_matrix, diags
 
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.remote import RemoteStiffness
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.kinematics import without_columns
@@ -24,8 +24,6 @@ from skfem_contact.problem.sparse import DependentRows, DisplacementsInSeries, S
 from skfem_contact.problem.springs import point_resistance, spring_compliance
 from skfem_contact.problem.thresholds import STIFFER
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 logger = logging.getLogger("skfem_contact")
 
 

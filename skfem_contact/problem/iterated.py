@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix, csr_matrix, diags
 
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
@@ -48,7 +49,6 @@ from skfem_contact.problem.substructure import Substructure
 from skfem_contact.problem.thresholds import CLOSER, ITERATED, MOST_PRODUCTS, ROUNDING
 from skfem_contact.problem.whole import Whole, WholeBody
 
-Array = NDArray[np.float64]
 logger = logging.getLogger("skfem_contact")
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
-from skfem_contact.arrays import largest
+from skfem_contact.arrays import Array, largest
 from skfem_contact.bodies.body import Body
 from skfem_contact.carried import carried
 from skfem_contact.conditions.geometry import Geometry
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
     AnyBodies = Condensed | IteratedBodies | MultigridBodies | FullSystem
 
-Array = NDArray[np.float64]
 
 EVEN_CLOSED = "even with every contact point closed"
 

@@ -40,9 +40,9 @@ from typing import Any, Protocol, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.kinematics import (
     Kinematics,
     prescribed_rows,
@@ -58,9 +58,6 @@ from skfem_contact.problem.points import PointSpace, on_rows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Index = NDArray[np.intp]
 P = TypeVar("P", bound="ContactProblem")
 
 

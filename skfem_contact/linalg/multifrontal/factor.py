@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm, dsyrk, dtrsm, dtrsv, strsv
 from scipy.linalg.lapack import dpotrf
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.backend import BodyFactor
 from skfem_contact.linalg.dense_factors import mirror
@@ -50,9 +51,6 @@ from skfem_contact.linalg.multifrontal.fronts import (
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.linalg.singular import NotPositiveDefinite, smallest_eigenvalue
 from skfem_contact.linalg.thresholds import LEAF, LOST, NEGLIGIBLE, ROWS_AT_ONCE, SUSPICIOUS
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class MultifrontalCholesky(BodyFactor):
