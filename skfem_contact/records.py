@@ -41,6 +41,8 @@ else:
         >>> @dataclass
         ... class Rod:
         ...     E: float = dataclasses.field(init=False)
+        ...
+        ...     def __init__(self) -> None: ...
         >>> "Rod" in pydoc.render_doc(Rod)
         True
         """
