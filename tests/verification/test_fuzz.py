@@ -146,6 +146,11 @@ def test_body_held_by_capped_friction_alone():
     assert "missed" not in kinds(2247)
 
 
+def test_a_body_that_carries_nothing_however_far_it_is_pulled():
+    """A share of round-off of a way that doubles and doubles: it went on to 1e154 and an overflow."""
+    assert kinds(500781) == ["refused"]
+
+
 def test_enumeration_knows_the_cap():
     """A point pressed by 1 and dragged along a plane bears no more than the cap."""
     one, zero = np.ones(1), np.zeros(1)
