@@ -1,12 +1,11 @@
 """What griffe is told of this library.
 
-Types of docstrings in words, ``ndarray, shape (m, d)``, which it takes for Python code; properties that
-are made by `its`, whose words are an argument; and dataclasses that are made later.
+Types of docstrings in words, ``ndarray, shape (m, d)``, which it takes for Python code; the words of
+properties that are made by `its`; and dataclasses that are made later.
 """
 
 from __future__ import annotations
 
-import ast
 import re
 from typing import Any
 
@@ -23,12 +22,13 @@ def in_words(annotation: Any) -> str:
 
 
 def words_of(attribute: Any) -> griffe.Docstring | None:
-    """The words that a property is made with, ``gap: Array = its("Positive where open.")``."""
+    """The words of a property that is made by ``gap: Array = its()``, as it has them."""
     made = attribute.value
     if not isinstance(made, griffe.ExprCall) or str(made.function) != "its":
         return None
     attribute.value = None
-    return griffe.Docstring(ast.literal_eval(str(made.arguments[0])), parent=attribute)
+    words = f"The `{attribute.name}` of the only contact, see `ContactValues.{attribute.name}`."
+    return griffe.Docstring(words, parent=attribute)
 
 
 class NumpydocTypes(griffe.Extension):

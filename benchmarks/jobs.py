@@ -22,6 +22,7 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 NU = 0.3
 # Press, as in solids.py: sides of block and punch, height of both, radius of the face, approach.
 SIDES, HEIGHT, RADIUS, DEPTH = (1.0, 0.8), 0.5, 20.0, 5e-3
+ASIDE = 1.2e-3  # of the push
 # Hertz: two blocks, wide and high in half widths of contact, of which the fine zone has 1.5.
 HALF, HIGH, FINE, R = 40.0, 20.0, 1.5, 100.0
 MU, STEPS = 0.3, 20  # of the history
@@ -46,6 +47,7 @@ JOBS = [
     Job("press 24.5k", "press", (21, 15, 10)),
     Job("press 92k", "press", (32, 28, 15), rounds=3),
     Job("press 360k", "press", (52, 44, 24), rounds=1, large=True),
+    Job("push, 2209 points", "push", (50, 46, 6), rounds=1, large=True),
 ]
 QUICK = [
     Job("README", "readme", rounds=1),
@@ -150,6 +152,30 @@ def held(punch: Any, motion: tuple[float, ...]) -> np.ndarray:
 
 def press(sc: Any, job: Job, parts: Parts) -> tuple[Any, list[Any]]:
     """The scene of solids.py without friction, pressed in one step."""
+    bodies = block_and_punch(sc, job)
+    parts("bodies")
+    contact = sc.Contact(bodies[1].surface("bottom"), bodies[0].surface("top"))
+    return solved(sc, bodies, contact, parts)
+
+
+def push(sc: Any, job: Job, parts: Parts) -> tuple[Any, list[Any]]:
+    """The same with friction, in seven steps: down in two, then aside.
+
+    Earlier versions, which do not ask how many steps there are, are told which route takes less time.
+    """
+    bodies = block_and_punch(sc, job)
+    parts("bodies")
+    contact = sc.Contact(bodies[1].surface("bottom"), bodies[0].surface("top"), friction=sc.Coulomb(MU))
+    path = [(0.0, 0.75), *((aside, 1.0) for aside in np.linspace(0, 1, 6))]
+    steps = [
+        {"x": {"punch": held(bodies[1], (aside * ASIDE, 0.0, -down * DEPTH))}} for aside, down in path
+    ]
+    route = {} if hasattr(sc.Body, "from_mesh") else {"linear": "iterated"}
+    return solved(sc, bodies, contact, parts, steps, **route)
+
+
+def block_and_punch(sc: Any, job: Job) -> list[Any]:
+    """The bodies of solids.py, the upper one pressed down."""
     bodies = []
     for i, name in enumerate(("block", "punch")):
         across = np.linspace(-SIDES[i] / 2, SIDES[i] / 2, job.sizes[i] + 1)
@@ -164,16 +190,14 @@ def press(sc: Any, job: Job, parts: Parts) -> tuple[Any, list[Any]]:
             mesh = replace(mesh, doflocs=np.array([x, y, lifted]))
             given = {"D": "top", "x": {"top": (0.0, 0.0, -DEPTH)}, "name": name}
         bodies.append(body(sc, mesh, fem.ElementHex1(), 1.0, **given))
-    parts("bodies")
-    contact = sc.Contact(bodies[1].surface("bottom"), bodies[0].surface("top"))
-    return solved(sc, bodies, contact, parts)
+    return bodies
 
 
 def solved(
-    sc: Any, bodies: list[Any], contact: Any, parts: Parts, steps: Any = None
+    sc: Any, bodies: list[Any], contact: Any, parts: Parts, steps: Any = None, **how: Any
 ) -> tuple[Any, list[Any]]:
     """Set up, solve with the displacements, print."""
-    solver = sc.ContactSolver(bodies, [contact])
+    solver = sc.ContactSolver(bodies, [contact], **how)
     parts("set-up")
     results = [solver.solve()] if steps is None else list(solver.history(steps))
     assert results[-1].u is not None  # the displacements, which are found when they are asked for
@@ -215,6 +239,7 @@ KINDS: dict[str, tuple[Callable[..., Any], Callable[[list[Any]], float] | None]]
     "hertz": (hertz, hertz_error),
     "history": (history, coulomb_error),
     "press": (press, None),  # no closed form: the punch is as wide as what it touches
+    "push": (push, None),
 }
 
 

@@ -116,7 +116,7 @@ def one(n: int, whole: bool) -> dict[str, Any]:
 
 def exchanged(A: Any, points: np.ndarray, modes: np.ndarray) -> dict[str, int]:
     """Entries of a vector that the busiest rank takes from others for a product, by number of ranks."""
-    from skfem_contact.petsc.layout import Layout
+    from skfem_contact.petsc.stiffness import Layout
 
     out = {}
     for ranks in PARTED:

@@ -300,6 +300,43 @@ def test_whole_jobs_are_done_in_processes_of_their_own(run: Any) -> None:
     assert "| large | failed: MemoryError |" in whole_jobs.table([failed])
 
 
+@pytest.fixture
+def peers(run: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The driver of the peers; modules of its folder are imported by their names alone."""
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks" / "peers"))
+    import compare
+
+    yield compare
+    for name in ("compare", "ours", "scene"):
+        sys.modules.pop(name)
+
+
+def test_peers_are_judged_by_their_displacements(peers: Any) -> None:
+    """Forces balance in the interior; a node that is moved, and a punch that sinks in, are seen."""
+    small = import_module("scene").press(4, 3, 2)
+    u, said = import_module("ours").solve(small)
+    verdict = peers.judged(small, u)
+    assert said["iterations"] > 0 and verdict.residual < 1e-12
+    assert verdict.traction[:, -1].min() > -1e-12
+    inside = np.flatnonzero(np.isclose(small.bodies[0].points[:, 2], -0.25))[12]
+    assert peers.judged(small, u + 1e-6 * (np.arange(len(u)) == inside)[:, None]).residual > 1e-4
+    upper = np.arange(len(u))[:, None] >= small.first(1)
+    sunk = peers.judged(small, u - 1e-3 * upper)
+    # nodes are in the facets of the other face, which are coarse: mortar holds their mean apart
+    assert verdict.overlap > 0 and sunk.overlap == pytest.approx(verdict.overlap + 0.2)  # of 5e-3
+    assert peers.errors("press 6k", verdict, verdict)["pressure"] < 1e-9
+
+
+def test_table_of_peers_is_that_of_the_stored_run(peers: Any) -> None:
+    """Details in docs/checks/performance.md; a peer that is not there is a row that says so."""
+    rows = json.loads((peers.RESULTS / "peers.json").read_text(encoding="utf-8"))["rows"]
+    assert marked("checks/performance.md", "peers") == peers.table(rows)
+    for page in peers.SHORT:
+        assert marked(f"../{page}", "peers") == peers.short(rows)
+    absent = {"case": "press 6k, GetFEM", "dofs": 6090, "failed": "no module getfem"}
+    assert "GetFEM | failed: no module getfem |" in peers.table([absent])
+
+
 def test_two_checkouts_pair_in_turn(run: Any) -> None:
     """3 s and 6 s in the middle, 2 s and 5 s at the least; what failed is named."""
     import pairing

@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 from solid_meshes import KINDS, at, body, cube, elastic, onto_ball, shuffled
 
 import skfem_contact as sc
-from skfem_contact.bodies import ContactSurface, tangents
+from skfem_contact.bodies import KINDS as FACETS
+from skfem_contact.bodies import ContactSurface, bare_surface, tangents
 from skfem_contact.pairing import (
     FacetTree,
     along_supports,
@@ -469,3 +470,22 @@ def test_one_tangent_lies_along_what_supports_leave(axis, several):
         np.testing.assert_allclose(np.vstack([t, n]) @ np.vstack([t, n]).T, np.eye(3), atol=1e-12)
     # the second is square to the axis: held, where all others are; free, where the axis alone is held
     np.testing.assert_allclose(frame[:, 1, axis], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["tri6", "quad8", "quad9"])
+def test_steps_that_lead_away_are_halved(kind):
+    """On faces bent as far as meshes have them no point of a lattice is nearer than the foot."""
+    known, rng = FACETS[kind], np.random.default_rng(0)
+    nodes, count = known.nodes, 400
+    x = np.zeros((count, nodes, 3))
+    x[..., :2] = known.locations
+    x += 0.15 * rng.uniform(-1, 1, x.shape)
+    surface = bare_surface(x.reshape(-1, 3), np.arange(count * nodes).reshape(count, nodes), "bent")
+    points = rng.uniform([-1.5, -1.5, -2.0], [2.5, 2.5, 2.0], (count, 3))
+    feet = project(surface, np.arange(count), points)
+    at = rng.uniform(size=(2000, 2))
+    at = at[at.sum(axis=1) <= 1] if known.corners == 3 else at
+    lattice = np.einsum("gk,fkd->fgd", known.shapes(at)[0], x)
+    nearest = np.linalg.norm(lattice - points[:, None], axis=2).min(axis=1)
+    away = np.linalg.norm(feet.foot - points, axis=1)
+    assert np.count_nonzero(away > nearest + 1e-9) <= 1  # of several minima one may be missed

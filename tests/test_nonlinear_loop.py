@@ -465,3 +465,38 @@ def test_a_pair_that_is_turned_as_a_whole(angle: float) -> None:
     strain, before = (r.state["tool"]["equivalent_plastic_strain"] for r in (last, pressed))
     assert before.max() > 0.003
     assert_allclose(strain, before, rtol=0, atol=1e-9)
+
+
+def test_a_corner_that_alternates_between_two_faces_is_named() -> None:
+    """A square die that is pushed along without friction: the rubber beside it rises over its corner.
+
+    Forces are in equilibrium on each of two pairings, and lead to the other one.
+    """
+    slab = sc.NonlinearBody(
+        rectangle(-2, 2, -2, 0, 16, 8), sc.materials.NeoHooke.of(1.0, 0.3), D="bottom"
+    )
+    die = sc.Body(rectangle(0.1, 1.1, 0, 1, 4, 4), sc.Elastic(1e4, 0.3), D="top", name="die")
+    contact = sc.Contact(die.surface("bottom"), slab.surface("top"), sliding="finite")
+    solver = sc.ContactSolver([slab, die], [contact], options=sc.Options(max_cuts=0))
+    steps = [{"x": {"die": {"top": way}}} for way in ((0.0, -0.1), (0.0, -0.18), (0.05, -0.18))]
+    with pytest.raises(sc.errors.NotConverged, match=r"meets another partner.*sharp corners") as error:
+        list(solver.history(steps))
+    assert len(error.value.results) == 2
+
+
+@pytest.mark.parametrize("linear", ["auto", sc.linalg.Direct()])
+def test_a_straight_column_under_friction(linear: Any) -> None:
+    """Nothing pushes it aside: beyond its buckling load it stays straight, as the warning says."""
+    column = sc.NonlinearBody(
+        rectangle(-0.5, 0.5, 0, 9.5, 2, 19), sc.materials.NeoHooke.of(1.0, 0.3), D="bottom"
+    )
+    head = sc.Body(rectangle(-2, 2, 9.5, 10.5, 4, 1), sc.Elastic(1e3, 0.3), D="top", name="head")
+    faces = column.surface("top"), head.surface("bottom")
+    solver = sc.ContactSolver(
+        [column, head], [sc.Contact(*faces, friction=sc.Coulomb(0.3))], linear=linear
+    )
+    with pytest.warns(sc.ContactWarning, match="not stable"):
+        *_, last = solver.history([{"x": {"head": {"top": (0.0, -d)}}} for d in (0.2, 0.4, 0.55)])
+    assert abs(last.force[0]) < 1e-8 * abs(last.force[1])
+    assert last.certificate.worst < 1e-9
+    assert len(last.newton) <= 3

@@ -56,6 +56,23 @@ def test_bodies_are_where_they_are(kind: str) -> None:
     plotter.close()
 
 
+def test_plane_bodies_are_where_they_are() -> None:
+    """A square on a floor that has been moved up: cells, outline and floor in the plane z = 0."""
+    pytest.importorskip("pyvista", reason=HINT)
+    basis = fem.Basis(fem.MeshQuad().refined(1).with_defaults(), fem.ElementVector(fem.ElementQuad2()))
+    block = sc.Body(basis, linear_elasticity(0.0, 0.5), D="top", name="block")
+    floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    contact = sc.Contact(block.surface("bottom"), floor)
+    (result,) = sc.ContactSolver(block, contact).history([{"motion": {"floor": (0, 0.01)}}])
+    plotter = sc.output.scene(result, scale=1.0, off_screen=True)
+    skin, outline, ground = drawn(plotter)
+    for mesh in (skin, outline):
+        assert_allclose(mesh.bounds, [0, 1, 0.01, 1, 0, 0], atol=1e-7)
+    assert skin.area == pytest.approx(0.99, rel=1e-6)
+    assert_allclose(ground.points[:, 1:], np.tile([0.01, 0.0], (2, 1)), atol=1e-7)
+    plotter.close()
+
+
 def test_bodies_are_chosen_by_name_or_object_alone_or_in_a_list() -> None:
     """All four ways draw the same body, and leave out the second."""
     pytest.importorskip("pyvista", reason=HINT)

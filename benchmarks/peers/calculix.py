@@ -64,7 +64,8 @@ def deck(scene: Scene, kind: str) -> str:
     points, cells, parts = thick(scene)
     copies = len(points) // scene.size
     out = "*NODE, NSET=ALL\n"
-    out += lines((1 + i, *map(repr, p)) for i, p in enumerate(points.tolist()))
+    # of a number ccx reads twenty characters and no more
+    out += lines((1 + i, *(f"{x:.12e}" for x in p)) for i, p in enumerate(points.tolist()))
     out += "*ELEMENT, TYPE=C3D8, ELSET=SOLID\n"
     out += lines((1 + i, *c) for i, c in enumerate((cells + 1).tolist()))
     out += f"*MATERIAL, NAME=M\n*ELASTIC\n{E}, {NU}\n*SOLID SECTION, ELSET=SOLID, MATERIAL=M\n"
@@ -82,7 +83,7 @@ def deck(scene: Scene, kind: str) -> str:
     out += "*BOUNDARY\nHELD0, 1, 3\n" + ("ALL, 3, 3\n" if scene.dim == 2 else "")
     for at in scene.motion:
         out += "*STEP, INC=1000\n*STATIC\n1., 1.\n*BOUNDARY\n"
-        out += lines(("HELD1", j + 1, j + 1, repr(float(value))) for j, value in enumerate(at))
+        out += lines(("HELD1", j + 1, j + 1, f"{value:.12e}") for j, value in enumerate(at))
         out += "*NODE PRINT, NSET=ALL, FREQUENCY=1000000\nU\n*END STEP\n"
     return out
 

@@ -46,7 +46,7 @@ MARKS = "<!-- peers table: begin -->", "<!-- peers table: end -->"
 
 @dataclass(frozen=True)
 class Peer:
-    """How a peer is run, and on which kinds of cases."""
+    """How a peer is run, and how the names of its cases begin."""
 
     name: str
     script: str
@@ -213,7 +213,7 @@ def job(peer: Peer, name: str, folder: str) -> dict[str, Any]:
 def measured(name: str, peers: list[Peer], rounds: int) -> list[dict[str, Any]]:
     """All peers on a case, in turn."""
     kind = name.split()[0]
-    chosen = [peer for peer in peers if kind in peer.kinds]
+    chosen = [peer for peer in peers if name.startswith(peer.kinds)]
     done: dict[str, list[dict[str, Any]]] = {peer.name: [] for peer in chosen}
     case = scene(name)
     with tempfile.TemporaryDirectory() as folder:
@@ -291,9 +291,36 @@ def table(rows: list[dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
+LEFT_OUT = ("CalculiX, penalty", "FElupe, penalty")  # what short tables leave out
+HEADS_OF_CASES = {"press 24k": "press, 24 420 DOFs", "rub 7k": "friction, 20 steps, 6588 DOFs"}
+SHORT = ("docs/cost.md", "paper.md")  # pages with a short table
+
+
+def short(rows: list[dict[str, Any]]) -> str:
+    """A table of seconds and errors of the pressure: a row a code, a column a case."""
+    found = {row["case"]: row for row in rows if "failed" not in row}
+    lines = [
+        "| " + " | ".join(["", *HEADS_OF_CASES.values()]) + " |",
+        "|" + " --- |" * (1 + len(HEADS_OF_CASES)),
+    ]
+    for code in dict.fromkeys(peer.name.removesuffix(", multigrid") for peer in PEERS):
+        if code in LEFT_OUT:
+            continue
+        cells = []
+        for name in HEADS_OF_CASES:
+            row = found.get(f"{name}, {code}") or found.get(f"{name}, {code}, multigrid")
+            cells.append(
+                f"{row['seconds']:.1f} ({100 * row['errors']['pressure']:.1f} %)" if row else "-"
+            )
+        lines.append(f"| {code} | " + " | ".join(cells) + " |")
+    return "\n".join(lines).replace("|  |", "| |")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--only", nargs="*", default=COMPARED, choices=CASES, help="cases")
+    parser.add_argument(
+        "--only", nargs="*", default=COMPARED, choices=CASES, help="cases; none: write alone"
+    )
     parser.add_argument("--peers", nargs="*", help="names of peers; the rows of others stay")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--write", action="store_true", help="put the table into the documents")
@@ -301,14 +328,18 @@ def main() -> None:
     path = RESULTS / "peers.json"
     rows = stored(path)
     peers = [peer for peer in PEERS if args.peers is None or peer.name in args.peers]
+    order = [f"{case}, {peer.name}" for case in CASES for peer in PEERS]
+    record = [rows[key] for key in order if key in rows]
     for name in args.only:
         rows |= {row["case"]: row for row in measured(name, peers, args.rounds)}
-        order = [f"{case}, {peer.name}" for case in CASES for peer in PEERS]
         record = [rows[key] for key in order if key in rows]
         path.write_text(json.dumps({"rows": record}, indent=1) + "\n", encoding="utf-8")
     print(table(record))
     if args.write:
-        write_into(HERE.parents[1] / "docs" / "checks" / "performance.md", table(record), MARKS)
+        root = HERE.parents[1]
+        write_into(root / "docs" / "checks" / "performance.md", table(record), MARKS)
+        for page in SHORT:
+            write_into(root / page, short(record), MARKS)
 
 
 if __name__ == "__main__":

@@ -3,9 +3,10 @@
     apt install python3-getfem      (for the interpreter of the system, `GETFEM_PYTHON`)
     python3 getfem_bricks.py CASE FILE
 
-Its brick of contact between meshes in integral form, multipliers on the upper face. The augmentation
-parameter is the user's. Linear systems: MUMPS. Its nodal brick has friction without a history; that,
-Nitsche's method, large sliding, dynamics and self-contact are not compared.
+Without friction its nodal brick, with friction the one in integral form, multipliers on the upper face:
+the nodal one has no history of friction, the integral one misses points that are far apart at first
+(`press` with 24,420 DOFs: the force is 8 % too small). The augmentation parameter is the user's.
+Linear systems: MUMPS. Nitsche's method, large sliding, dynamics and self-contact are not compared.
 """
 
 from __future__ import annotations
@@ -34,6 +35,25 @@ def mesh_of(body: Body, dim: int) -> Any:
     return mesh
 
 
+def touch(model: Any, scene: Scene, fields: list[Any], rules: list[Any]) -> None:
+    """Nodal contact without friction; with friction the integral brick, which knows the step before."""
+    model.add_initialized_data("r", AUGMENT)
+    if not scene.mu:
+        model.add_nodal_contact_between_nonmatching_meshes_brick(
+            rules[1], rules[0], "u1", "u0", "force", "r", FACE, FACE
+        )
+        return
+    pressures = gf.MeshFem(fields[1].linked_mesh(), scene.dim)
+    pressures.set_fem(gf.Fem(f"FEM_QK({scene.dim},1)"))
+    model.add_filtered_fem_variable("force", pressures, FACE)
+    model.add_initialized_data("friction", scene.mu)
+    model.add_initialized_data("rate", 1.0)
+    for i, field in enumerate(fields):
+        model.add_initialized_fem_data(f"before{i}", field, np.zeros(field.nbdof()))
+    named = ("u1", "u0", "force", "r", "friction", FACE, FACE, VARIANT, "rate", "before1", "before0")
+    model.add_integral_contact_between_nonmatching_meshes_brick(rules[1], *named)
+
+
 def solve(scene: Scene) -> tuple[np.ndarray, dict[str, Any]]:
     """The displacements of the last step."""
     model = gf.Model("real")
@@ -52,19 +72,7 @@ def solve(scene: Scene) -> tuple[np.ndarray, dict[str, Any]]:
         model.add_Dirichlet_condition_with_simplification(f"u{i}", HELD, f"top{i}")
         fields.append(field)
         rules.append(rule)
-    pressures = gf.MeshFem(fields[1].linked_mesh(), scene.dim if scene.mu else 1)
-    pressures.set_fem(gf.Fem(f"FEM_QK({scene.dim},1)"))
-    model.add_filtered_fem_variable("force", pressures, FACE)
-    model.add_initialized_data("r", AUGMENT)
-    friction: list[Any] = []
-    if scene.mu:
-        model.add_initialized_data("friction", scene.mu)
-        model.add_initialized_data("rate", 1.0)
-        for i, field in enumerate(fields):
-            model.add_initialized_fem_data(f"before{i}", field, np.zeros(field.nbdof()))
-        friction = [VARIANT, "rate", "before1", "before0"]
-    named = ["u1", "u0", "force", "r", *(["friction"] if scene.mu else []), FACE, FACE]
-    model.add_integral_contact_between_nonmatching_meshes_brick(rules[1], *named, *friction)
+    touch(model, scene, fields, rules)
     count = 0
     for at in scene.motion:
         model.set_variable("top1", at)

@@ -25,7 +25,7 @@ from KratosMultiphysics.StructuralMechanicsApplication.structural_mechanics_anal
 from scene import NU, E, Scene, run
 
 RELATIVE, ABSOLUTE = 1e-6, 1e-18  # of residuals and increments; the forces of nodes are about 1e-6
-LINEAR = 1e-8  # of linear systems
+LINEAR = 1e-6  # of linear systems, its default
 NAMES = {  # by dimension: element, law
     2: ("SmallDisplacementElement2D4N", "LinearElasticPlaneStrain2DLaw"),
     3: ("SmallDisplacementElement3D8N", "LinearElastic3DLaw"),

@@ -32,7 +32,7 @@ class _Its(property):
         def only(result: OfTheContact) -> Any:
             return getattr(result._only(name), name)
 
-        only.__doc__ = f"That of the only contact, see `ContactValues.{name}`."
+        only.__doc__ = f"The `{name}` of the only contact, see `ContactValues.{name}`."
         only.__annotations__["return"] = owner.__annotations__[name]
         super().__init__(only)
 
@@ -77,11 +77,6 @@ class OfTheContact(NamesAttributes, ABC):
     error_estimate: ErrorEstimate = its()
     interpolate: Callable[[ArrayLike, ArrayLike], Array] = its()
     integrate: Callable[[ArrayLike], Any] = its()
-
-
-def values_of(answer: Answer) -> tuple[ContactValues, ...]:
-    """The values of every contact, in the order given."""
-    return tuple(_values(answer, i, part) for i, part in enumerate(answer.slices()))
 
 
 def _values(answer: Answer, i: int, part: slice) -> ContactValues:
@@ -170,7 +165,8 @@ class ByContact(OfTheContact):
     @cached_property
     def values(self) -> tuple[ContactValues, ...]:
         """The answer of every contact, in the order given."""
-        return values_of(self._answer)
+        parts = enumerate(self._answer.slices())
+        return tuple(_values(self._answer, i, part) for i, part in parts)
 
     def __getitem__(self, key: Contact | str | int) -> ContactValues:
         return self.values[self._position(key)]

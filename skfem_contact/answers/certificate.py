@@ -114,6 +114,15 @@ class Certificate(NamesAttributes):
         return "\n".join([*solved, MODELLED, *modelled])
 
 
+def certified(answer: Answer) -> Certificate:
+    """The certificate of an answer, which a solver may have measured before a result is asked."""
+    known = vars(answer)
+    if "certificate" not in known:
+        known["certificate"] = certify(answer)
+    found: Certificate = known["certificate"]
+    return found
+
+
 def certify(result: Answer) -> Certificate:
     """Measure the certificate of a result; needs the displacements of all bodies."""
     kin, state, system = result.kin, result.local, result.system
@@ -130,7 +139,11 @@ def certify(result: Answer) -> Certificate:
         noise = _largest_term(result)
         floor = GIVEN * noise if force < NO_LOAD * noise else 0.0
     if not (f.any() or result.case.x.any()):
-        floor = max(floor, _nothing_acts(result, force))
+        # what is left of earlier forces is no scale for itself: coordinates have rounding errors, and
+        # a force that is smaller than what such a distance makes in the softest body is none
+        stiffest = [float(K.diagonal().max()) for K in result.stiffness if K.nnz]
+        strained = min(stiffest, default=0.0) * system.extent
+        floor = max(floor, GIVEN * strained if force < np.finfo(float).eps * strained else 0.0)
     force = max(force, floor)
     length = system.extent
     gap = result.kin.B_n @ u + result.seen.gap0
@@ -165,17 +178,6 @@ def _largest_term(result: Answer) -> float:
             for body, K in zip(result.system.bodies, result.stiffness, strict=True)
         )
     )
-
-
-def _nothing_acts(result: Answer, force: float) -> float:
-    """The scale of forces where a load is taken back, or zero: they may act.
-
-    What is left of earlier forces is no scale for itself. The bodies' coordinates have rounding errors;
-    a force that is smaller than what such a distance makes in the softest of them is none.
-    """
-    stiffest = [float(K.diagonal().max()) for K in result.stiffness if K.nnz]
-    strained = min(stiffest, default=0.0) * result.system.extent
-    return GIVEN * strained if force < float(np.finfo(float).eps) * strained else 0.0
 
 
 def _friction_violation(result: Answer, floor: float) -> float:

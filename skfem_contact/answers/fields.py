@@ -132,12 +132,12 @@ def heights(surface: ContactSurface, closed: Mask, gap: Array) -> Array:
     out[first & fitted] = np.maximum(fit[first & fitted], tiny)
     out[last] = fit[last]
     # halfway to the first open nodes where nothing better is known
-    mean = _mean_of(beside, np.where(first, out, 0.0), first)
+    mean = beside @ np.where(first, out, 0.0) / np.maximum(beside @ first.astype(float), 1.0)
     lonely = last & ~(fitted & ((fit < 0) | _touched(beside, behind)))
     out[lonely] = -np.maximum(mean[lonely], tiny)
     # where the edge is before the last closed node it is less than halfway to the one behind
     outside = np.where(last, np.maximum(out, 0.0), 0.0)
-    most = _largest_of(beside, outside)
+    most = beside.multiply(outside).tocsr().max(axis=1).toarray().ravel()
     out[behind] = np.minimum(np.where(fitted, fit, -scale)[behind], -np.maximum(most[behind], tiny))
     return out
 
@@ -308,12 +308,3 @@ def _cut(height: Array, x: Array) -> tuple[Array, Array]:
 
 def _touched(beside: csr_matrix, marked: Mask) -> Mask:
     return np.asarray(beside @ marked.astype(float) > 0)
-
-
-def _mean_of(beside: csr_matrix, values: Array, marked: Mask) -> Array:
-    return np.asarray(beside @ values / np.maximum(beside @ marked.astype(float), 1.0))
-
-
-def _largest_of(beside: csr_matrix, values: Array) -> Array:
-    """The largest of the values, not negative, of each node and those beside it."""
-    return np.asarray(beside.multiply(values).tocsr().max(axis=1).toarray().ravel())

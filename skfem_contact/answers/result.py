@@ -15,7 +15,7 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer, reaction
 from skfem_contact.answers.by_contact import ByContact
-from skfem_contact.answers.certificate import Certificate, certify
+from skfem_contact.answers.certificate import Certificate, certified
 from skfem_contact.answers.placed import Newton
 from skfem_contact.answers.thresholds import FALLING, MOST_ROWS
 from skfem_contact.answers.uniqueness import Uniqueness, undetermined, uniqueness
@@ -305,7 +305,7 @@ class ContactResult(ByContact):
     @once
     def certificate(self) -> Certificate:
         """Dimensionless numbers measured from the answer, for all degrees of freedom."""
-        return certify(self._answer)
+        return certified(self._answer)
 
     @once
     def validity(self) -> Validity:

@@ -27,7 +27,7 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.arguments import (
@@ -40,6 +40,7 @@ from skfem_contact.arguments import (
     shown,
     with_known_keywords,
 )
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.selection import pieces, written
 from skfem_contact.bodies.system import System
@@ -49,9 +50,6 @@ from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Shift and force of each bolt, by name.
 ByBolt = dict[str, tuple[float, float]]

@@ -18,8 +18,8 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.assemblies.thresholds import NEARLY, OPPOSITE, TOWARDS_RIM, UNSURE
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import node_positions
@@ -29,10 +29,6 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.search import FacetTree, Nodes
 from skfem_contact.pairing.vectors import dot, ragged
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 class Sights(NamedTuple):
@@ -244,7 +240,7 @@ def _seen(bounds: Boundaries, sights: Sights, pieces: Pieces, reach: float) -> V
         return np.asarray((np.abs(along) <= reach + limit) & (aside <= limit**2))
 
     found: list[tuple[Any, ...]] = [(np.zeros(0, dtype=np.intp),) * 2 + (np.zeros(0),) * 3]
-    for item, facet in pieces.tree.descend(len(sights.of), met, _together(sights, pieces, reach)):
+    for item, facet in pieces.tree.descend(len(sights.of), met):
         count = pieces.count[facet]
         piece = ragged(pieces.first[facet], count)
         found.append(_crossings(sights, pieces, np.repeat(item, count), piece, reach))
@@ -265,28 +261,6 @@ def _seen(bounds: Boundaries, sights: Sights, pieces: Pieces, reach: float) -> V
     own = sights.bulge[item[best]]
     slack = UNSURE * (np.abs(own) + np.abs(bulge[best])) + scale
     return Views(mine[best], other[best], distance[best] - own - bulge[best], slack)
-
-
-def _together(sights: Sights, pieces: Pieces, reach: float) -> tuple[int, Index, Index]:
-    """Where sights begin to descend: what nodes that hold them, and few others, have near them."""
-    levels, order = pieces.tree.levels, pieces.tree.order
-    level = len(levels) // 4  # of a hundred thousand facets sixteen go together
-    held = levels[level]
-
-    def close(own: Index, nodes: Nodes) -> Mask:
-        away = nodes.centre - held.centre.take(own, axis=0)
-        limit = nodes.radius + held.radius.take(own) + reach
-        return np.asarray(dot(away, away) <= limit**2)
-
-    pairs = FacetTree(levels[level:], None).descend(len(held.radius), close)
-    own, node = (np.concatenate(c) for c in zip(*pairs, strict=True))
-    # sights by the nodes that hold their facets
-    facet = np.searchsorted(pieces.of[pieces.first], sights.of)
-    holder = (facet if order is None else np.argsort(order)[facet]) >> level
-    order = np.argsort(holder, kind="stable")
-    count = np.bincount(holder, minlength=len(held.radius))
-    item = order[ragged((np.cumsum(count) - count)[own], count[own])]
-    return level, item, np.repeat(node, count[own])
 
 
 def _crossings(

@@ -7,9 +7,9 @@ from dataclasses import fields
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.arguments import NamesAttributes
+from skfem_contact.arrays import Array
 from skfem_contact.assemblies.named import Named
 from skfem_contact.bodies.selection import written
 from skfem_contact.conditions.friction_rule import CheckedLaw
@@ -19,7 +19,6 @@ from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 

@@ -18,19 +18,16 @@ from typing import Any
 import meshio
 import numpy as np
 import skfem
-from numpy.typing import NDArray
 from skfem.assembly import BilinearForm
 from skfem.io.meshio import from_meshio
 
 from skfem_contact.arguments import check_kind, file_path, known_keywords, shown, suggest
+from skfem_contact.arrays import Array, Index
 from skfem_contact.assemblies.named import Named
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.inputs import SUPPORTED, deferred_basis
 from skfem_contact.bodies.selection import pieces
 from skfem_contact.errors import InputError
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 #: Elements by what meshio calls their cells, and the dimension of all cells.
 ELEMENTS = {cell: element for element, cell in SUPPORTED.items()}

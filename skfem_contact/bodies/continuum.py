@@ -84,14 +84,10 @@ class Continuum:
     def energy(self, u: Array, state: State) -> tuple[float, float]:
         """Energy stored and dissipated until now, of accepted internal variables."""
         H, dx = self.gradients.of(u), self.gradients.dx
-        try:
-            stored, dissipated = self.material.energy(H, state)
-        except NotImplementedError as error:
-            raise InputError(f"{self.whose}: {error}; its material needs `energy`") from error
+        stored, dissipated = self.material.energy(H, state)
         if self.split is not None:
-            growth, volume = dilatation(H, self.finite_strain)[0], dx.sum(axis=1)
-            mean = self.split.volumetric((growth * dx).sum(axis=1) / volume)[0]
-            stored = stored - self.split.volumetric(growth)[0] + mean[:, None]
+            growth, U = dilatation(H, self.finite_strain)[0], self.split.volumetric
+            stored = stored - U(growth)[0] + U(self._mean(growth, slice(None)))[0]
         return float(np.sum(stored * dx)), float(np.sum(dissipated * dx))
 
     def _parts(self) -> Iterator[slice]:
@@ -105,19 +101,20 @@ class Continuum:
     def _response(self, H: Array, state: State, some: slice) -> tuple[Any, ...]:
         """Ask the material, with means of the change of volume if wanted, see `Split.averaged`."""
         state = {name: value[..., some, :] for name, value in state.items()}
-        dx = self.gradients.dx[some]
-        volume = dx.sum(axis=1)[:, None]
         try:
             if self.split is None:
                 return (*self._checked(self.material(H, state), H, state), None, None)
-            means = self.split.averaged(
-                H, state, lambda growth: (growth * dx).sum(axis=1, keepdims=True) / volume
-            )
+            means = self.split.averaged(H, state, lambda growth: self._mean(growth, some))
         except MaterialError as error:
             element = None if error.element is None else error.element + some.start
             where = "" if element is None else f", element {element}"
             raise MaterialError(f"{self.whose}{where}: {error}", element) from None
-        return (*means[:4], (means[4] / volume)[:, 0])
+        return (*means[:4], means[4][:, 0] / self.gradients.dx[some].sum(axis=1))
+
+    def _mean(self, values: Array, some: slice) -> Array:
+        """Return means over elements of values at their points (e, q), (e, 1)."""
+        dx = self.gradients.dx[some]
+        return np.asarray((values * dx).sum(axis=1, keepdims=True) / dx.sum(axis=1, keepdims=True))
 
     def _checked(self, answer: Any, H: Array, state: State) -> tuple[Array, Array, State]:
         """Refuse what a user's function returns in another shape."""

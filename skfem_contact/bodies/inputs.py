@@ -342,7 +342,8 @@ def prescribed_dofs(D: Any, basis: Any, whose: str) -> np.ndarray:
     if isinstance(D, list | tuple | set | frozenset):
         D = list(D)
         if any(isinstance(part, str) or not np.isscalar(part) for part in D):
-            return _union([prescribed_dofs(part, basis, whose) for part in D])
+            parts = [prescribed_dofs(part, basis, whose) for part in D]
+            return np.unique(np.concatenate(parts))
     what = f"D of {whose}"
     numbers = np.atleast_1d(rectangular(D, what, "not DOF numbers or boundary names"))
     dofs = dof_numbers(numbers, basis.N, what, TAKEN, "; D belongs to another basis")
@@ -370,10 +371,6 @@ def _warn_other_numbers(D: np.ndarray, basis: Any, what: str) -> None:
                 "basis.nodal_dofs[:, nodes], those of facets basis.get_dofs(facets)."
             )
             return
-
-
-def _union(parts: list[np.ndarray]) -> np.ndarray:
-    return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *parts]))
 
 
 def prescribed_values(x: Any, D: np.ndarray, no_D: bool, basis: Any, whose: str) -> np.ndarray:

@@ -32,14 +32,13 @@ from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.tangent.modes import Modes, mass
 from skfem_contact.arguments import check_kind, numbers, shown
+from skfem_contact.arrays import Array
 from skfem_contact.assemblies.joints import aligned
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, warn
 from skfem_contact.history.load_step import recover_all
 from skfem_contact.history.thresholds import CLOSED
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
 
 
 @dataclass(eq=False, repr=False)

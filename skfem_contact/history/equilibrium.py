@@ -191,7 +191,7 @@ class EquilibriumSearch:
         interface, kin = model.interface, attempt.problem.kin
         named = attempt if attempt.culprit >= 0 else self.advance.unsettled or attempt
         at = named.culprit
-        if at >= 0 and _has_corners(interface.contacts[interface.contact_of(at)]):
+        if at >= 0 and has_corners(interface.contacts[interface.contact_of(at)]):
             return Verdict(advice=("" if named is attempt else FIRST.format(named.failure)) + CORNERS)
         if attempt.stateless is not None:
             return Verdict(advice=JUMPS + _stateless(attempt))
@@ -343,7 +343,7 @@ def _stateless(attempt: Attempt) -> str:
     )
 
 
-def _has_corners(contact: Contact) -> bool:
+def has_corners(contact: Contact) -> bool:
     """Return whether the surfaces of a contact have convex corners, their ends included."""
     sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
     return any(len(Corners.of(side).node) for side in sides if side.dim == 2)

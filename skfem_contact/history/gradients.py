@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
@@ -21,13 +20,12 @@ from skfem_contact.answers.tangent.rates import backward
 from skfem_contact.answers.tangent.sensitivity import Sensitivity, sensitivity, weights_of
 from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import numbers, shown
+from skfem_contact.arrays import Array
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.history.load_step import recover_all
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
 
 
 @dataclass(eq=False)

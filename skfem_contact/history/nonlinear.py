@@ -31,15 +31,21 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.placed import Iteration, Placed, point_forces
+from skfem_contact.arrays import Array
 from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, MaterialError
-from skfem_contact.history.equilibrium import ARRIVED, EquilibriumSearch, Verdict
+from skfem_contact.history.equilibrium import (
+    ARRIVED,
+    CORNERS,
+    EquilibriumSearch,
+    Verdict,
+    has_corners,
+)
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.refined import ROUGH, UNSOLVED, holds, refined, usable
 from skfem_contact.history.remarks import remarks
@@ -62,9 +68,14 @@ from skfem_contact.sealed import sealed
 if TYPE_CHECKING:
     from skfem_contact.history.equilibrium import Known
 
-Array = NDArray[np.float64]
 
 logger = logging.getLogger("skfem_contact")
+
+NO_DESCENT = (
+    "No smaller part of the step is in equilibrium near what was reached: usually a limit point, where "
+    "bodies yield as a whole, buckle or snap. Prescribe displacements instead of forces to go beyond "
+    "it, or take smaller steps; "
+)
 
 
 @dataclass(eq=False)
@@ -193,7 +204,7 @@ class NonlinearSearch:
             logger.debug("%s", record)
             nearer, reached = share == 1.0 and norm < reached, norm
             at, left, most, self._reached = there, norm, max(most, norm), there
-            own = self._pairing(step, there.u)
+            on, own = step.pairing, self._pairing(step, there.u)
             attempt = self._judged(step, attempt, own, FAR if number == 1 else 1.0)
             self.advance.attempt = attempt
             if attempt.travel > 1.0 and attempt.failure:
@@ -213,13 +224,28 @@ class NonlinearSearch:
             closing = closing or balanced  # contact alone is left, and is solved to its end from now on
             exact, step = closing, replace(step, known=attempt.state)
         self._why = f"{options.max_placements} iterates left {residual:.1e} of the largest force"
-        return self._gives_up()
+        return self._alternates(on, own, attempt)
 
-    def _gives_up(self, verdict: Verdict = ARRIVED) -> Verdict:
+    def _alternates(
+        self,
+        on: tuple[Kinematics, Array] | None,
+        own: tuple[Kinematics, Array] | None,
+        attempt: Attempt,
+    ) -> Verdict:
+        """No answer, where pairings may lead to each other: then the point is named."""
+        geometry, interface = self.stepper.model.geometry, self.stepper.model.interface
+        if on is None or own is None or attempt.mismatch <= self.stepper.options.placement_tolerance:
+            return self._gives_up()
+        point = geometry.least_settled(on[0], own[0], attempt.local)
+        self._why += f"; {interface.point_words(point, own[0].points[point])} meets another partner"
+        corners = has_corners(interface.contacts[interface.contact_of(point)])
+        return self._gives_up(advice=CORNERS if corners else NO_DESCENT)
+
+    def _gives_up(self, verdict: Verdict = ARRIVED, advice: str = NO_DESCENT) -> Verdict:
         """No answer to a part of the step, which may be cut."""
         if not verdict.arrived:
             return verdict
-        return Verdict(advice=NO_DESCENT, reached="attempt" in vars(self.advance))
+        return Verdict(advice=advice, reached="attempt" in vars(self.advance))
 
     def _pairing(self, step: LoadStep, u: Array) -> tuple[Kinematics, Array] | None:
         """The pairing at displacements u (n,), from the one before; None where it never changes."""
@@ -398,9 +424,4 @@ SINGULAR = (
     "The tangents of the bodies and contact are singular together: usually a limit load is reached, "
     "and the bodies give way without bearing more. Prescribe displacements to go beyond it, or give "
     "the material hardening; "
-)
-NO_DESCENT = (
-    "No smaller part of the step is in equilibrium near what was reached: usually a limit point, where "
-    "bodies yield as a whole, buckle or snap. Prescribe displacements instead of forces to go beyond "
-    "it, or take smaller steps; "
 )

@@ -9,19 +9,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 
 from skfem_contact.answers.placed import Placed, point_forces
-from skfem_contact.arrays import largest
+from skfem_contact.arrays import Array, largest
 from skfem_contact.carried import copied
 from skfem_contact.conditions.state import OPEN, LocalState
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import LinearSolveError, SingularMatrix
 from skfem_contact.history.load_step import Attempt, Recovery
 from skfem_contact.problem.response import Response
-
-Array = NDArray[np.float64]
 
 #: Routes whose linear problems are iterated.
 ROUGH = "iterated", "multigrid"

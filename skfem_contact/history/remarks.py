@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.sparse import block_diag, csr_matrix
 
@@ -17,8 +16,6 @@ from skfem_contact.digits import GIVEN
 from skfem_contact.errors import ContactError
 from skfem_contact.history.load_step import Attempt
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
-
-Array = NDArray[np.float64]
 
 UNSTABLE = (
     "The answer is in equilibrium, but not stable: its tangent stiffness is not positive definite with "
@@ -49,13 +46,14 @@ def remarks(attempt: Attempt, placed: Placed) -> dict[str, str]:
 def unstable(attempt: Attempt, placed: Placed) -> bool:
     """Whether the tangents at an answer are not positive definite with its points closed and sticking.
 
-    Asked only where the tangent of a body was none of a stable body by itself: other bodies, and
-    contact, may hold it. Springs against what contact holds, far stiffer than the bodies, leave
-    Cholesky's method pivots that are negative only if a motion is left that nothing resists.
+    Asked only where the tangent of a body was none of a stable body by itself, or nobody has looked:
+    other bodies, and contact, may hold it. Springs against what contact holds, far stiffer than the
+    bodies, leave Cholesky's method pivots that are negative only if a motion is left that nothing
+    resists.
     """
     model = attempt.model
     parts = [part for part in model.substructures if part is not None and part.body.nonlinear]
-    if not any(part.shaky for part in parts):
+    if model.route != "full" and not any(part.shaky for part in parts):
         return False
     if not all(isinstance(body, Body) for body in model.system.bodies):
         return False

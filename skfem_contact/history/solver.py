@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skfem_contact.answers.answer import Answer, answer_of
-from skfem_contact.answers.certificate import certify
+from skfem_contact.answers.certificate import certified
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import (
     NamesAttributes,
@@ -204,7 +204,7 @@ class ProblemSetup(NamesAttributes):
             answer = answering.solve(target, before, known, *how)
             if not (quick and answer.converged):
                 return answer
-            left = certify(answer).equilibrium
+            left = certified(answer).equilibrium
             if left <= SOLVED:
                 return answer
             why = f"forces are balanced to {left:.1e} of the largest"

@@ -10,7 +10,6 @@ import numpy as np
 import scipy.sparse as sp
 from pyamg import smoothed_aggregation_solver
 from pyamg.relaxation.relaxation import gauss_seidel
-from scipy.sparse.linalg import LinearOperator, cg
 
 from skfem_contact.arguments import with_known_keywords
 from skfem_contact.errors import LinearSolveError
@@ -193,10 +192,6 @@ def hierarchy(A: Any, modes: np.ndarray | None) -> Hierarchy:
     return Hierarchy(grids, np.linalg.pinv(levels[-1].A.toarray(), hermitian=True).dot)
 
 
-class _NoEnergy(Exception):
-    """A direction of conjugate gradients has no stiffness, or is not a number."""
-
-
 def conjugate_gradients(
     A: Any,
     b: np.ndarray,
@@ -205,50 +200,34 @@ def conjugate_gradients(
     most: int,
     to_round_off: bool = False,
 ) -> np.ndarray:
-    """Preconditioned conjugate gradients of SciPy; residual and energy are measured.
+    """Preconditioned conjugate gradients, whose residual and energy are measured.
 
-    SciPy's own residual is updated and drifts away from the truth; and SciPy goes on where a direction
-    has no stiffness, divides by zero or finds an answer of a matrix that is not positive definite.
+    The residual that is updated drifts away from the truth: where it is small enough, the true one is
+    looked at, and the iteration begins anew from there. SciPy's goes on where a direction has no
+    stiffness, divides by zero or finds an answer of a matrix that is not positive definite.
     With `to_round_off` a residual above the tolerance is accepted that is round-off of its terms.
     """
-    x, norm = np.zeros_like(b), float(np.linalg.norm(b))
-    if norm == 0.0:
-        return x
-    change, iterations, residual = x, 0, norm
-
-    def product(p: np.ndarray) -> np.ndarray:  # SciPy asks for it once in each iteration
-        nonlocal iterations
-        iterations += 1
+    x, norm, iterations = np.zeros_like(b), float(np.linalg.norm(b)), 0
+    r, p, rho = b, np.zeros_like(b), np.inf
+    while norm > 0.0:
+        if np.linalg.norm(r) <= tol * norm or iterations >= most:
+            r, p, rho = b - A @ x, np.zeros_like(b), np.inf
+            residual = float(np.linalg.norm(r))
+            if residual <= tol * norm or (to_round_off and residual <= _round_off(A, x)):
+                break
+            if iterations >= most:
+                raise not_within(residual / norm, tol, iterations)
+        z = cycle(r)
+        before, rho = rho, float(r @ z)
+        p = z + rho / before * p
         Ap = A @ p
-        if not p @ Ap > 0.0:  # or NaN
-            raise _NoEnergy
-        return np.asarray(Ap)
-
-    def follow(found: np.ndarray) -> None:
-        nonlocal change
-        change = found
-
-    operator = LinearOperator(A.shape, matvec=product, dtype=A.dtype)
-    preconditioner = LinearOperator(A.shape, matvec=cycle, dtype=A.dtype)
-    while iterations < most:
-        left, change = most - iterations, np.zeros_like(b)
-        try:
-            cg(
-                operator,
-                b - A @ x,
-                M=preconditioner,
-                rtol=0,
-                atol=tol * norm,
-                maxiter=left,
-                callback=follow,
-            )
-        except _NoEnergy:
+        iterations += 1
+        energy = float(p @ Ap)
+        if rho > 0.0 and energy > 0.0:
+            x, r = x + rho / energy * p, r - rho / energy * Ap
+        else:  # or NaN: there is nothing more to gain
             most = iterations
-        x = x + change
-        residual = float(np.linalg.norm(b - A @ x))
-        if residual <= tol * norm or (to_round_off and residual <= _round_off(A, x)):
-            return x
-    raise not_within(residual / norm, tol, iterations)
+    return x
 
 
 def _round_off(A: Any, x: np.ndarray) -> float:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.remote import RemoteStiffness, check_whole
 from skfem_contact.errors import InputError
@@ -19,9 +19,6 @@ from skfem_contact.records import dataclass
 
 if TYPE_CHECKING:
     from skfem_contact.elimination.constraint import AffineConstraint
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class Stacked(RemoteStiffness):
@@ -55,7 +52,7 @@ class Surface(Protocol):
         ...
 
 
-class BodyFactor(Protocol):
+class BodyFactor(ABC):
     """A stiffness K (n, n) of which all DOFs i but the kept ones c are eliminated.
 
     A backend makes them (`backend.Backend.condensed`): in one process they are
@@ -69,48 +66,58 @@ class BodyFactor(Protocol):
         The DOFs in the order of elimination; the kept ones come last.
     S : ndarray, shape (n_c, n_c)
         ``K_cc - K_ci K_ii^-1 K_ic``, symmetric, in the order of `keep`; empty once it was taken.
-    memory : int
-        What the factors take [bytes], on all ranks together.
     """
 
     keep: Index
     S: Array
+    order: Index
 
     @property
-    def order(self) -> Index:
-        """Shape (n,)."""
-        ...
-
-    @property
+    @abstractmethod
     def memory(self) -> int:
-        """Bytes."""
-        ...
+        """Memory that the factors take, on all ranks together [bytes]."""
 
-    def take_S(self) -> Array:
-        """`S` for the caller alone, who may change it."""
-        ...
-
+    @abstractmethod
     def eliminate(self, f: Array) -> Array:
         """Loads (n,) or (n, r) with the interior eliminated, (n, r), in the order `order`.
 
         The last rows are ``f_c - K_ci K_ii^-1 f_i``; what the others are is for `substitute` to know.
         """
-        ...
 
+    @abstractmethod
     def substitute(self, u_keep: Array, eliminated: Array) -> Array:
         """Displacements (n, r), in the order `order`, from those of the kept DOFs (n_c, r).
 
         `eliminated` is from `eliminate`, or a combination of such; it is overwritten.
         """
-        ...
+
+    def take_S(self) -> Array:
+        """`S` for the caller alone, who may change it; from now on `S` is empty here.
+
+        Solving and recovering do not need it.
+        """
+        S, self.S = self.S, np.zeros((0, 0))
+        return S
 
     def reduce_load(self, f: Array) -> Array:
-        """``f_c - K_ci K_ii^-1 f_i``, (n,) -> (n_c,) or (n, r) -> (n_c, r)."""
-        ...
+        """``f_c - K_ci K_ii^-1 f_i``, the load that belongs to `S`, (n_c,) or (n_c, r)."""
+        return self.eliminate(f)[len(f) - len(self.keep) :].reshape(-1, *np.shape(f)[1:])
 
     def response(self, dofs: Index) -> Surface:
         """Return what forces on some DOFs (m,) move there."""
-        ...
+
+        def moved(force: Array, flexibility: Array | None = None) -> Array:
+            f = np.zeros(len(self.order))
+            f[dofs] = force
+            x = self.eliminate(f)
+            kept = x[len(x) - len(self.keep) :]
+            u = np.empty(len(x))
+            u[self.order] = self.substitute(kept if flexibility is None else flexibility @ kept, x)[
+                :, 0
+            ]
+            return u[dofs]
+
+        return moved
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,13 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, lapack
 
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg import thresholds
 from skfem_contact.linalg.thresholds import NO_PIVOT
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class NoPivot(LinAlgError):

@@ -7,19 +7,16 @@ no factors then. SuperLU has, and the condensed stiffness, which is symmetric, i
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.errors import SingularMatrix
-from skfem_contact.linalg.backend import Surface
+from skfem_contact.linalg.backend import BodyFactor
 from skfem_contact.linalg.multifrontal.ordering import dissection_order
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
-
-class IndefiniteFactor:
+class IndefiniteFactor(BodyFactor):
     """A symmetric stiffness with all DOFs but some eliminated, see `backend.BodyFactor`.
 
     Parameters
@@ -87,24 +84,3 @@ class IndefiniteFactor:
         eliminated[:inside] -= self._follow @ u_keep
         eliminated[inside:] = u_keep
         return eliminated
-
-    def reduce_load(self, f: Array) -> Array:
-        """``f_c - K_ci K_ii^-1 f_i``, (n,) -> (n_c,) or (n, r) -> (n_c, r)."""
-        inside = len(self.order) - len(self.keep)
-        return self.eliminate(f)[inside:].reshape(-1, *f.shape[1:])
-
-    def response(self, dofs: Index) -> Surface:
-        """Return what forces on some DOFs (m,) move there."""
-
-        def moved(force: Array, flexibility: Array | None = None) -> Array:
-            f = np.zeros(len(self.order))
-            f[dofs] = force
-            x = self.eliminate(f)
-            kept = x[len(x) - len(self.keep) :]
-            if flexibility is not None:
-                kept = flexibility @ kept
-            u = np.empty(len(x))
-            u[self.order] = self.substitute(kept, x)[:, 0]
-            return u[dofs]
-
-        return moved

@@ -8,13 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array
 from skfem_contact.digits import GIVEN
 from skfem_contact.linalg.thresholds import AT_FIRST, CANCELS
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
 Operator = Callable[[Array], Array]
 
 

@@ -7,15 +7,14 @@ from dataclasses import field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem.assembly import BilinearForm, LinearForm
 
 from skfem_contact.arguments import PrintedAsCall, with_known_keywords
+from skfem_contact.arrays import Array
 from skfem_contact.materials.material import Isotropic, State, take_numbers
 from skfem_contact.materials.tensors import double, isotropic, solid, symmetric, trace, unit
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
 
 
 @with_known_keywords()

@@ -6,12 +6,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array
 from skfem_contact.materials.material import Material, State, everywhere
 from skfem_contact.materials.tensors import solid, symmetric
-
-Array = NDArray[np.float64]
 
 
 class FromFelupe(Material):

@@ -12,9 +12,9 @@ from dataclasses import field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.arguments import PrintedAsCall, with_known_keywords
+from skfem_contact.arrays import Array
 from skfem_contact.errors import InputError
 from skfem_contact.materials.elastic import Elastic
 from skfem_contact.materials.material import (
@@ -28,13 +28,18 @@ from skfem_contact.materials.material import (
 from skfem_contact.materials.tensors import deviator, double, isotropic, trace, unit
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
-
 
 class Hyperelastic(Split):
     """What the materials here have in common."""
 
     finite_strain = True
+
+    def __post_init__(self) -> None:
+        own: Any = self
+        take_numbers(self, **dict.fromkeys(own.__dataclass_fields__, "give a modulus of the energy"))
+        if not (own.shear > 0.0 and own.bulk > 0.0):
+            moduli = f"the shear modulus is {own.shear}, the bulk modulus {own.bulk}"
+            raise InputError(f"{moduli}: both have to be > 0")
 
     @abstractmethod
     def _terms(self) -> tuple[tuple[float, float, int], ...]:
@@ -92,10 +97,6 @@ class NeoHooke(PrintedAsCall, Hyperelastic):
     shear: float
     bulk: float
 
-    def __post_init__(self) -> None:
-        take_numbers(self, shear="give the shear modulus > 0", bulk="give the bulk modulus > 0")
-        check_positive(self.shear, self.bulk)
-
     @classmethod
     def of(cls, E: float, nu: float) -> NeoHooke:
         """The material with these moduli at small strains."""
@@ -141,11 +142,6 @@ class MooneyRivlin(PrintedAsCall, Hyperelastic):
     bulk: float = field(kw_only=True)
 
     mean_dilatation = True
-
-    def __post_init__(self) -> None:
-        modulus = "give a modulus of the energy"
-        take_numbers(self, C10=modulus, C01=modulus, bulk="give the bulk modulus > 0")
-        check_positive(self.shear, self.bulk)
 
     @property
     def shear(self) -> float:
@@ -209,12 +205,6 @@ class SaintVenantKirchhoff(PrintedAsCall, Isotropic):
         strain, S = self._stress(deformation(H)[0])
         stored = 0.5 * double(strain, S)
         return stored, np.zeros_like(stored)
-
-
-def check_positive(shear: float, bulk: float) -> None:
-    """Refuse moduli at small strains of an unstable material."""
-    if not (shear > 0.0 and bulk > 0.0):
-        raise InputError(f"the shear modulus is {shear}, the bulk modulus {bulk}: both have to be > 0")
 
 
 def _first(F: Array, d: int) -> tuple[Array, Array, Array]:

@@ -16,12 +16,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array
 from skfem_contact.materials.material import State, deformation
 from skfem_contact.materials.tensors import solid
-
-Array = NDArray[np.float64]
 
 #: Relative spread of three eigenvalues below which second differences are a Taylor polynomial: it is
 #: wrong by the square of the spread there, and differences by round-off over it.

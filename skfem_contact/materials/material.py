@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skfem_contact.arguments import check_switch, number, shown
+from skfem_contact.arrays import Array
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.materials.tensors import solid, trace, unit
 
-Array = NDArray[np.float64]
 State = Mapping[str, Array]
 
 
@@ -83,10 +83,10 @@ class Material(ABC):
 
         Raises
         ------
-        NotImplementedError
+        InputError
             If the material does not say.
         """
-        raise NotImplementedError(f"{type(self).__name__} does not say its energy")
+        raise InputError(f"{type(self).__name__} does not say its energy: it needs `energy`")
 
 
 class Split(Material):

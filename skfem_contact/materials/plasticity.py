@@ -16,9 +16,10 @@ from dataclasses import field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skfem_contact.arguments import PrintedAsCall, check_switch, numbers, with_known_keywords
+from skfem_contact.arrays import Array
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.materials.logarithmic import logarithmic, undeformed_axes
@@ -32,8 +33,6 @@ from skfem_contact.materials.material import (
 )
 from skfem_contact.materials.tensors import deviator, double, isotropic, solid, symmetric
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
 
 #: Steps at most in the search for a plastic strain: halving alone has all digits after 53.
 STEPS = 60

@@ -15,13 +15,11 @@ from numpy.typing import NDArray
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.arguments import check_kind, shown
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.errors import InputError
 from skfem_contact.output.fields import quantity
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 # The longest arrow over the extent.
 LONGEST = 0.08

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import numbers, shown, suggest
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.inputs import SUPPORTED
 from skfem_contact.errors import InputError
 from skfem_contact.sealed import sealed
 
-Array = NDArray[np.float64]
 Stress = Callable[[Body, Array], Array] | str
 #: What a picture shows: one field, or one under a name of the user's.
 OneStress = Stress | Mapping[str, Stress]

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.values import ContactValues
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import KINDS
 from skfem_contact.bodies.surface import ContactSurface
@@ -39,7 +40,6 @@ from skfem_contact.output.tools import tools
 from skfem_contact.output.view import TRUE
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
 Fields = Stress | Sequence[Stress] | Mapping[str, Stress]
 
 #: Numbers of VTK's cells by their names in meshio; those of facets are in `KINDS`.

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
@@ -15,8 +14,6 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.errors import InputError
 from skfem_contact.output.drawing import ABOVE, LINES, new_axes
 from skfem_contact.output.solids import UP, VIEWER, Part, faces_part, frame_of, picture
-
-Array = NDArray[np.float64]
 
 
 def plot_pairs(contacts: Sequence[Contact], ax: Any = None) -> Any:

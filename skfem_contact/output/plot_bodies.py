@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import check_switch, known_keywords, numbers
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import InputError
@@ -51,8 +52,6 @@ from skfem_contact.output.solids import (
 from skfem_contact.output.stress import field_values
 from skfem_contact.output.tools import tools
 from skfem_contact.output.view import Box, View, gaps_overlap, placed_tools, view, with_tools
-
-Array = NDArray[np.float64]
 
 
 @known_keywords()

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import known_keywords
+from skfem_contact.arrays import Array
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.state import OPEN, STATUS
@@ -29,8 +30,6 @@ from skfem_contact.output.drawing import (
 )
 from skfem_contact.output.fields import checked_units, labelled
 from skfem_contact.output.solids import draw_contact
-
-Array = NDArray[np.float64]
 
 
 @known_keywords()

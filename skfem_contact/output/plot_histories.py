@@ -6,11 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import answer_of, contact_forces
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import check_kind, known_keywords, members, numbers, shown, suggest
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.boundaries import boundary_dofs
 from skfem_contact.bodies.member import Member
@@ -33,7 +33,6 @@ from skfem_contact.output.drawing import (
 from skfem_contact.output.fields import checked_units, labelled
 from skfem_contact.output.tools import Tool, tools
 
-Array = NDArray[np.float64]
 Over = Sequence[float] | Callable[[ContactResult], float]
 
 

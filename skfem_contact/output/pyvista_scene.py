@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import known_keywords, members
@@ -17,8 +16,6 @@ from skfem_contact.output.fields import OneStress, checked_units, quantity
 from skfem_contact.output.plot_bodies import colour_name, colours
 from skfem_contact.output.solids import body_part, colour_map, plotter_of, tool_parts
 from skfem_contact.output.view import View, view, with_tools
-
-Array = NDArray[np.float64]
 
 
 @known_keywords()

@@ -11,7 +11,9 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from ctypes.util import find_library
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,7 @@ from numpy.typing import NDArray
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.arguments import numbers
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
 from skfem_contact.bodies.surface import ContactSurface
@@ -43,15 +46,11 @@ from skfem_contact.output.tools import AROUND
 from skfem_contact.output.view import ROUND, Box, View, placed_tools
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
-
 #: From where solids are seen, and what is above there.
 VIEWER, UP = (1.0, -1.5, 1.0), (0.0, 0.0, 1.0)
 STUCK = "#2f7d4f"
-#: Width of a picture by PyVista [pixels]: twice what a figure has.
-PIXELS = 1200
+#: Larger side of a picture by PyVista [pixels]: more than a figure has, which smooths it.
+PIXELS = 1600
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,13 +245,29 @@ def colour_map(cmap: str, clim: tuple[float, float]) -> Any:
 
 
 def _pyvista() -> Any:
-    """PyVista where it is installed and can draw: before VTK 9.4 it needs a display."""
+    """PyVista where it is installed and can draw."""
     try:
         import pyvista  # optional, and slow to import
     except ImportError:
         return None
-    blind = sys.platform.startswith("linux") and not os.environ.get("DISPLAY")
-    return None if blind and pyvista.vtk_version_info < (9, 4) else pyvista
+    return pyvista if _can_draw(pyvista) else None
+
+
+@lru_cache
+def _can_draw(pyvista: Any) -> bool:
+    """Return whether VTK finds OpenGL; where it does not, it ends the process when it draws.
+
+    Without a display VTK takes EGL, from 9.4 on, and as its last resort OSMesa, there or not.
+    """
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+        if pyvista.vtk_version_info < (9, 4):
+            return False
+        with pyvista.vtk_verbosity("off"):
+            plotter = pyvista.Plotter(off_screen=True)
+            window = plotter.render_window.GetClassName()
+            plotter.close()
+        return not window.startswith("vtkOS") or find_library("OSMesa") is not None
+    return True
 
 
 def plotter_of(pyvista: Any, parts: list[Part], image: Any, off_screen: bool | None, **bar: Any) -> Any:
@@ -299,7 +314,6 @@ def _pixels(
         camera.focal_point, camera.position, camera.up = centre, centre + 2 * reach * frame[2], frame[1]
         camera.parallel_projection, camera.parallel_scale = True, 0.5 * float(size[1])
         camera.clipping_range = reach, 3 * reach
-        plotter.enable_anti_aliasing("ssaa")
         pixels = plotter.screenshot(return_img=True, transparent_background=True)
         plotter.close()
     return np.asarray(pixels)

@@ -8,20 +8,20 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 import skfem
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm
 from skfem.models.elasticity import lame_parameters
 
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import check_kind, known_keywords, number, numbers, shown, suggest
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
 from skfem_contact.errors import InputError
 from skfem_contact.output.fields import Stress, body_nodes, checked_field
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
 PLANES = ("strain", "stress", "axisymmetric")
 
 

@@ -13,10 +13,10 @@ from itertools import combinations, permutations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
+from skfem_contact.arrays import Array, Index
 from skfem_contact.conditions.loads import Motion
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.polyline import RigidPolyline
@@ -24,9 +24,6 @@ from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.obstacles.shapes import LevelSet, RigidCylinder, RigidPlane, RigidSphere
 from skfem_contact.obstacles.triangles import RigidSurface
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 # What is shown of an obstacle beside the bodies, over their extent.
 AROUND = 0.08

@@ -11,11 +11,11 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import number
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.loads import Motion
@@ -27,8 +27,6 @@ from skfem_contact.output.fields import body_nodes
 from skfem_contact.output.tools import Tool, fits, tools
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Box = tuple[Array, Array]
 
 # A factor is rounded down to one of these times a power of ten.

@@ -76,7 +76,7 @@ class Polygons:
                 np.take_along_axis(out.corners, np.maximum(to, 0)[..., None], axis=1) - out.corners
                 for to in (after, before)
             )
-            flat = there & (np.abs(cross(ahead, behind)) <= 2 * least[:, None])
+            flat = there & (np.abs(plane_cross(ahead, behind)) <= 2 * least[:, None])
             # of two at the same place one
             drop = flat & ~np.take_along_axis(flat, np.maximum(before, 0), axis=1)
             if not drop.any():
@@ -119,10 +119,10 @@ def signed_areas(corners: Array) -> Array:
     arm = corners[..., 1:, :] - corners[..., :1, :]  # from a corner: far from the origin, too
     if arm.shape[-1] == 1:
         return np.asarray(arm[..., 0, 0])
-    return np.asarray(0.5 * np.sum(cross(arm[..., :-1, :], arm[..., 1:, :]), axis=-1))
+    return np.asarray(0.5 * np.sum(plane_cross(arm[..., :-1, :], arm[..., 1:, :]), axis=-1))
 
 
-def cross(v: Array, w: Array) -> Array:
+def plane_cross(v: Array, w: Array) -> Array:
     """The component out of the plane of the cross product of plane vectors."""
     return np.asarray(v[..., 0] * w[..., 1] - v[..., 1] * w[..., 0])
 

@@ -57,9 +57,8 @@ def closest_facets(
     # first guesses bound the distance: the exact search then is short
     for guess in _guesses(secondary, primary):
         left = np.flatnonzero(np.isinf(bound))
-        point, facet = np.repeat(left, guess.shape[1]), guess[left].ravel()
-        known.append(point * nf + facet)
-        found.append(side.valid_pairs(point, facet))
+        known.append(left * nf + guess[left])
+        found.append(side.valid_pairs(left, guess[left]))
         point, facet, _, distance = found[-1]
         np.minimum.at(bound, point, distance + 2 * SOLVED * primary.lengths[facet])
     blocks = closest_candidates(
@@ -85,16 +84,10 @@ def closest_facets(
 
 
 def _guesses(secondary: ContactSurface, primary: ContactSurface) -> list[Index]:
-    """Numbers of facets near each point, one after the other, (m, g) each.
-
-    The four nearest lines are judged at once, of faces the nearest and then, where it is no partner,
-    the next one: to project on a face is what takes long.
-    """
-    plane = primary.dim == 2
-    few = min(4 if plane else 2, len(primary.facets))
+    """Numbers of the facet nearest to each point and, where it is no partner, of the next one, (m,)."""
     middles = Tree(primary.points.take(primary.facets, axis=0).mean(axis=1))
-    _, guess = middles.query(secondary.points, k=np.arange(1, few + 1), ordered=not plane)
-    return [guess] if plane else list(guess.T[..., None])
+    few = np.arange(1, min(2, len(primary.facets)) + 1)
+    return list(middles.query(secondary.points, k=few, ordered=True)[1].T)
 
 
 def _most_opposite(
@@ -102,16 +95,13 @@ def _most_opposite(
 ) -> Index:
     """Choose among equally near facets the one that faces its point most, for each point.
 
-    Rounded, so that round-off does not decide between two sides of a symmetric corner. Of ties that are
-    left the first line along the curve is taken; faces have no order, and are taken by where they are,
-    seen from the point, and not by their numbers.
+    Rounded, so that round-off does not decide between two sides of a symmetric corner. Ties that are
+    left are decided by where facets are, seen from the point, and not by their numbers.
     """
     facing = dot(secondary.normals.take(point, axis=0), primary.facet_normals.take(facet, axis=0))
-    keys = facing[:, None]
-    if primary.dim == 3:
-        middle = primary.points[primary.facets[facet, : primary.kind.corners]].mean(axis=1)
-        away = (middle - secondary.points[point]) / primary.lengths[facet][:, None]
-        keys = np.column_stack([facing, sizes(away), away])
+    middle = primary.points[primary.facets[facet, : primary.kind.corners]].mean(axis=1)
+    away = (middle - secondary.points[point]) / primary.lengths[facet][:, None]
+    keys = np.column_stack([facing, sizes(away), away])
     order = np.lexsort((facet, *np.round(keys, 6).T[::-1], point))
     first = np.append(True, np.diff(point[order]) > 0)[: len(point)]
     return np.asarray(order[first])

@@ -26,9 +26,10 @@ from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.facets import area_integrals
 from skfem_contact.bodies.normals import angle_between, sizes, tangents, unit
 from skfem_contact.bodies.surface import ContactSurface, NoBody
+from skfem_contact.digits import GIVEN
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.projection import rim_points
-from skfem_contact.pairing.thresholds import ALONG, NO_NORMAL, SAME_NORMAL
+from skfem_contact.pairing.thresholds import ALONG
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.trees import Tree
 
@@ -51,7 +52,7 @@ def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: P
     if of_secondary is None or of_primary is None or secondary.dofs.shape[1] != secondary.dim:
         return pairing
     apart = [angle_between(pairing.normal, side) for side in (of_secondary, of_primary)]
-    turns = pairing.paired & (np.maximum(*apart) > SAME_NORMAL)
+    turns = pairing.paired & (np.maximum(*apart) > GIVEN)
     if secondary.dim == 2:
         turns &= ~_mirrored(secondary)
     if not turns.any():
@@ -62,7 +63,7 @@ def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: P
     share = np.divide(soft_p, both, out=np.full_like(both, 0.5), where=both > 0)[:, None]
     mean = share * of_secondary + (1 - share) * of_primary
     if secondary.dim == 3:  # what stands across a plane of symmetry stays there
-        mean = np.where(secondary.held & (np.abs(of_secondary) <= SAME_NORMAL), 0.0, mean)
+        mean = np.where(secondary.held & (np.abs(of_secondary) <= GIVEN), 0.0, mean)
     mean = unit(mean)
     normal = np.where(turns[:, None], mean, pairing.normal)
     weights = pairing.secondary_weights, pairing.primary_weights, pairing.primary_bulge
@@ -82,7 +83,7 @@ def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: P
 def _mirrored(surface: ContactSurface) -> Mask:
     """Nodes on a line of symmetry, whose own normal lies in it exactly, shape (m,)."""
     across = np.abs(np.sum(surface.normals * surface.held, axis=1))
-    return np.asarray((surface.held.sum(axis=1) == 1) & (across <= SAME_NORMAL))
+    return np.asarray((surface.held.sum(axis=1) == 1) & (across <= GIVEN))
 
 
 def _mean(weights: object, values: Array) -> Array:
@@ -143,7 +144,7 @@ def plane_moduli(surface: ContactSurface) -> Array:
         length = total ** (1 / kind.dim)
         diagonal = surface.body.K.diagonal()[surface.dofs].mean(axis=1) * length / size
     elastic = (dot(dilated, area) > ALONG * P * size) & np.isfinite(modulus) & (modulus > 0)
-    elastic &= size > NO_NORMAL * total  # at corners of quadratic triangles a is round-off
+    elastic &= size > GIVEN * total  # at corners of quadratic triangles a is round-off
     inner = ~rim_points(surface, mirrored=False)
     known = elastic & inner
     if not known.any():

@@ -63,7 +63,7 @@ from skfem_contact.pairing.supports import (
     slip_rows,
     without_multiplier,
 )
-from skfem_contact.pairing.thresholds import KINK, NO_WEIGHT, SAME_NORMAL, SHARE_KEPT, SPREAD
+from skfem_contact.pairing.thresholds import KINK, NO_WEIGHT, SHARE_KEPT, SPREAD
 from skfem_contact.pairing.vectors import assembled, dot, entries, summed, without_round_off
 
 
@@ -305,7 +305,7 @@ def mortar_normals(moments: Moments, A: Array, own: Array) -> tuple[Array, Array
     covered = np.unique(moments.e)
     turned, node = np.zeros(len(own)), secondary.facets[covered]
     np.maximum.at(turned, node, angle_between(secondary.facet_node_normals[covered], -own[node]))
-    sharp = ((turned > SAME_NORMAL) | (secondary.kinks > KINK))[:, None]
+    sharp = ((turned > GIVEN) | (secondary.kinks > KINK))[:, None]
     return np.where(sharp & ~corner, of_primary, own), of_primary
 
 

@@ -20,7 +20,7 @@ from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
 from skfem_contact.bodies.normals import across, cross, sizes, unit
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import SOLVED
+from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.pairing.thresholds import SETTLED
 from skfem_contact.pairing.vectors import dot, ragged, turned
 from skfem_contact.records import dataclass
@@ -29,8 +29,6 @@ from skfem_contact.records import dataclass
 OUT = np.array([-1.0, 1.0, 0.0])
 #: Newton steps at most; warped faces take five, and what lies beyond centres of curvature more.
 STEPS = 30
-#: Round-off of distances, below which a step has not led away: of themselves, and of coordinates.
-SAME_DISTANCE, SAME_PLACE = 5e-15, 1e-15
 #: Of the squared length element, the least curvature of the model: beyond a centre of curvature the
 #: true one is negative.
 LEAST = 0.1
@@ -117,14 +115,14 @@ def _closest(kind: FacetKind, nodes: Array, points: Array) -> Array:
     left = np.arange(len(points))
     value = np.full(len(points), np.inf)
     # of points that nearly touch distances have few digits, and must not turn good steps back
-    round_off = SAME_PLACE * np.abs(points).max(initial=0.0)
+    round_off = COMPUTED * np.abs(points).max(initial=0.0)
     step = np.zeros_like(xi)
     for _ in range(STEPS):
         x, at = _some(nodes, left), _some(xi, left)
         N, dN = kind.shapes(at)
         apart = np.einsum("pk,pkd->pd", N, x) - _some(points, left)
         now = np.sqrt(dot(apart, apart))
-        worse = now > value[left] * (1 + SAME_DISTANCE) + round_off
+        worse = now > value[left] * (1 + COMPUTED) + round_off
         if worse.any():  # back by half of the way; the model was too flat
             back = left[worse]
             step[back] *= 0.5

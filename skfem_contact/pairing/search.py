@@ -141,7 +141,6 @@ class FacetTree:
         self,
         count: int,
         meets: Callable[[Index, Nodes], Mask],
-        begin: tuple[int, Index, Index] | None = None,
     ) -> Iterator[tuple[Index, Index]]:
         """Yield pairs (item, facet) whose nodes are all met, from the top down.
 
@@ -151,8 +150,6 @@ class FacetTree:
             Items 0, 1, ... descend together.
         meets : callable
             ``meets(item, nodes)``: whether items may have to do with the facets below nodes, k of each.
-        begin : int, ndarray and ndarray, optional
-            A level, items, and nodes of that level to begin with; all at the top if it is not given.
 
         Yields
         ------
@@ -161,7 +158,7 @@ class FacetTree:
         levels = self.levels
         widest = len(levels[-1].radius)
         top = np.repeat(np.arange(count), widest), np.tile(np.arange(widest), count)
-        stack = [(len(levels) - 1, *top) if begin is None else begin]
+        stack = [(len(levels) - 1, *top)]
         while stack:
             level, item, node = stack.pop()
             if len(item) > PAIRS_AT_ONCE:

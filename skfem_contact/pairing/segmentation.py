@@ -43,7 +43,7 @@ import numpy as np
 from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.facet_kinds import KINDS, FacetKind
 from skfem_contact.bodies.facets import area_elements
-from skfem_contact.bodies.normals import across, sizes, unit
+from skfem_contact.bodies.normals import cross, sizes, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
@@ -58,8 +58,8 @@ from skfem_contact.pairing.cells import (
 from skfem_contact.pairing.clipping import (
     Polygons,
     clip,
-    cross,
     nearest_parts,
+    plane_cross,
     several_sheets,
     signed_areas,
 )
@@ -259,9 +259,10 @@ class Segmentation:
         # `measure` linear in the position
         degree = max(LEAST, own + max(own, other) + 1)
         degree = {AFFINE: degree, PART: max(CURVED, degree), SKEW: degree + ROOTS}[shape]
-        if heights:
-            degree = HEIGHTS + min(max(own, other), KINDS["quad4"].order)
         simplex = KINDS["line2" if self.secondary.dim == 2 else "tri3"]
+        if heights:  # on intervals one more point is worth four digits of the gaps of circles
+            degree = HEIGHTS + min(max(own, other), KINDS["quad4"].order)
+            degree = max(LEAST, degree) if simplex.dim == 1 else degree
         xi, w = simplex.quadrature(degree)
         return simplex.shapes(xi)[0], w / w.sum()
 
@@ -278,7 +279,9 @@ class Segmentation:
             reference, plane = (
                 _determinants(_slopes(slopes, x[of])) for x in (own.reference, own.corners[..., :-1])
             )
-            out[bent] = sizes(across(_slopes(dN, nodes))) * reference / plane
+            ways = _slopes(dN, nodes)
+            size = sizes(ways[0] if len(ways) == 1 else cross(*ways))
+            out[bent] = size * reference / plane
         if measure is not None:
             nodes = surface.points[surface.facets[own.facet[cell]]]
             out *= measure(np.moveaxis(points.N @ nodes, -1, 0))
@@ -340,9 +343,9 @@ def _solve(kind: FacetKind, seen: Array, target: Array, eta: Array) -> Array:
     for _ in range(NEWTON_STEPS):
         M, dM = kind.shapes(eta)
         away = target - (M[..., None, :] @ seen)[..., 0, :]
-        ways = np.swapaxes(dM, -1, -2) @ seen
+        ways = list(np.moveaxis(np.swapaxes(dM, -1, -2) @ seen, -2, 0))
         # Cramer's rule: each way in turn gives place to what is missing
-        other = [np.where(here[:, None], away[..., None, :], ways) for here in np.eye(kind.dim)]
+        other = [[*ways[:i], away, *ways[i + 1 :]] for i in range(kind.dim)]
         step = np.stack([_determinants(part) for part in other], axis=-1)
         step /= _determinants(ways)[..., None]
         # curved facets end where they fold; half a facet beyond the edge nothing is asked for
@@ -353,14 +356,14 @@ def _solve(kind: FacetKind, seen: Array, target: Array, eta: Array) -> Array:
     return eta
 
 
-def _slopes(dN: Array, nodes: Array) -> Array:
-    """Derivatives of positions by the reference coordinates (p, n, d-1, d), of nodes (p, k, d)."""
-    return np.stack([np.ascontiguousarray(dN[..., i]) @ nodes for i in range(dN.shape[-1])], axis=-2)
+def _slopes(dN: Array, nodes: Array) -> list[Array]:
+    """Derivatives of positions by each reference coordinate, (p, n, d) each, of nodes (p, k, d)."""
+    return [np.ascontiguousarray(dN[..., i]) @ nodes for i in range(dN.shape[-1])]
 
 
-def _determinants(ways: Array) -> Array:
-    """Of tensors (..., d-1, d-1), the areas that reference coordinates have in a plane, (...)."""
-    return ways[..., 0, 0] if ways.shape[-1] == 1 else cross(ways[..., 0, :], ways[..., 1, :])
+def _determinants(ways: list[Array]) -> Array:
+    """Lengths of one way on a line, (..., 1), areas between two in a plane, (..., 2); shape (...)."""
+    return ways[0][..., 0] if len(ways) == 1 else plane_cross(*ways)
 
 
 @dataclass(frozen=True, eq=False)

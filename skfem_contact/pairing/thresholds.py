@@ -81,13 +81,6 @@ BULGE = 0.1
 
 # -- frames ------------------------------------------------------
 
-# Normals that differ by less are the same but for round-off of the positions [rad].
-SAME_NORMAL = 1e-8
-
-# An integral of a shape function times the normal that is less than this part of that of its size is
-# none that a stiffness could be read off: at corners of 8-node faces it is 0.3, of 6-node ones zero.
-NO_NORMAL = 1e-3
-
 # A nodal force under an isotropic strain that is more than 60 degrees off the normal shows that K is
 # not that of an elastic body there.
 ALONG = 0.5

@@ -5,8 +5,8 @@ stiffness as one that is held elsewhere (skfem_contact/bodies/remote.py).
 
 * `backend`: what users choose, ``sc.petsc.PETSc``;
 * `ranks`: rank 0 runs the script, the others serve it;
-* `layout`: which rows each rank holds;
-* `assembly`: bodies assembled rank by rank, of pieces of their meshes; `stiffness`: the rows of one;
+* `assembly`: bodies assembled rank by rank, of pieces of their meshes; `stiffness`: the rows of
+  one, and which of them each rank holds;
 * `stacked`: the rows of all bodies, and their ``V'KT``;
 * `share`: what one rank holds of a matrix, and how all ranks together solve with it, with which
   options; `body_share`: the same of a body that is condensed;
@@ -28,9 +28,9 @@ __getattr__, __dir__ = entrances(
     {
         "assembly": "assembled collected numbering",
         "backend": "PETSc",
-        "layout": "Layout bisected directions orthonormal together",
         "ranks": "csr_of",
         "share": "Share command_line",
         "stacked": "StackedStiffness",
+        "stiffness": "Layout bisected directions orthonormal together",
     },
 )

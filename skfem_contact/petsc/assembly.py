@@ -25,9 +25,8 @@ from skfem_contact.arrays import Index, dof_numbers
 from skfem_contact.bodies.inputs import stiffness_of
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
-from skfem_contact.petsc.layout import bisected
 from skfem_contact.petsc.ranks import Ranks, csr_of
-from skfem_contact.petsc.stiffness import RankedStiffness, Rows
+from skfem_contact.petsc.stiffness import RankedStiffness, Rows, bisected
 
 Contribution = tuple[Index, csr_matrix]
 

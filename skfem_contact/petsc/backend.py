@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import time
 import weakref
 from collections.abc import Callable, Mapping, Sequence
@@ -24,7 +23,6 @@ from skfem_contact.linalg.singular import check_diagonal, check_eigenvalue, sing
 from skfem_contact.linalg.thresholds import ACCEPTED
 from skfem_contact.petsc.assembly import assembled, collected, numbering
 from skfem_contact.petsc.condensation import DistributedFactor
-from skfem_contact.petsc.layout import Layout, directions
 from skfem_contact.petsc.ranks import ranks
 from skfem_contact.petsc.share import (
     NOT_CONDENSING,
@@ -37,9 +35,7 @@ from skfem_contact.petsc.share import (
     not_solved,
 )
 from skfem_contact.petsc.stacked import ReducedStiffness, StackedStiffness
-from skfem_contact.petsc.stiffness import DistributedStiffness
-
-logger = logging.getLogger("skfem_contact")
+from skfem_contact.petsc.stiffness import DistributedStiffness, Layout, directions
 
 METHODS = ("iterative", "direct")
 
@@ -227,7 +223,8 @@ class PETSc(Backend):
             key = A.factorize(self._settings(spd, layout.block))
         else:
             A = csr_matrix(A)
-            layout, scale = Layout.of(A.shape[0], points, modes, own.size), largest_entries(A)
+            layout = Layout.of(A.shape[0], points, modes, own.size)
+            scale = np.asarray(abs(A).max(axis=1).toarray().ravel())  # the largest entry of each row
             layout.check_size(A.nnz, own.largest_integer)
             near = repeat(None, own.size) if modes is None else layout.vectors(directions(modes))
             key = own.factorize(layout.matrices(A), near, self._settings(spd, layout.block))
@@ -239,12 +236,8 @@ class PETSc(Backend):
             start = time.perf_counter()
             x, how = own.solve(key, layout.vectors(b))
             seconds = time.perf_counter() - start
-            told = LinearSolve(
-                len(b), share.name, how.iterations, how.residual, own.size, spent, seconds, memory
-            )
+            self.solves.append(share.told(how, len(b), own.size, spent, seconds, memory))
             spent = 0.0
-            logger.info("PETSc on %d ranks: %s", own.size, told)
-            self.solves.append(told)
             self._check(how, share.name)
             return x[layout.slot]
 
@@ -265,11 +258,6 @@ class PETSc(Backend):
         if direct or (how.residual <= self.tol and how.local <= GIVEN):
             return
         raise not_solved(name, how, self.tol)
-
-
-def largest_entries(A: csr_matrix) -> np.ndarray:
-    """Of each row, shape (n,)."""
-    return np.asarray(abs(A).max(axis=1).toarray().ravel())
 
 
 def _checked(options: Any) -> dict[str, str]:

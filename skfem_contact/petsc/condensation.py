@@ -12,7 +12,6 @@ contact is iterated, what follows from each of them is known once and for all, a
 
 from __future__ import annotations
 
-import logging
 import time
 import weakref
 from collections.abc import Callable
@@ -30,20 +29,18 @@ from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.member import Member
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import LinearSolveError, SingularMatrix
+from skfem_contact.linalg.backend import BodyFactor
 from skfem_contact.linalg.dense_factors import mirror, symmetrise
 from skfem_contact.linalg.singular import NotPositiveDefinite, singular, smallest_eigenvalue
 from skfem_contact.linalg.thresholds import ACCEPTED, NEGLIGIBLE
 from skfem_contact.petsc.body_share import COLUMNS_AT_ONCE, BodyShare
-from skfem_contact.petsc.layout import Layout
 from skfem_contact.petsc.ranks import Ranks
 from skfem_contact.petsc.share import LinearSolve, Settings, Solved, not_solved
 from skfem_contact.petsc.stacked import StackedStiffness
-from skfem_contact.petsc.stiffness import RankedStiffness
-
-logger = logging.getLogger("skfem_contact")
+from skfem_contact.petsc.stiffness import Layout, RankedStiffness
 
 
-class DistributedFactor:
+class DistributedFactor(BodyFactor):
     """A `BodyFactor` over MPI ranks.
 
     Parameters
@@ -98,11 +95,6 @@ class DistributedFactor:
         left = 8 * len(self.keep) ** 2 if self._share.has_complement else 0
         return self._share.memory + left + self.S.nbytes
 
-    def take_S(self) -> Array:
-        """`S` for the caller alone; from now on `S` is empty here."""
-        S, self.S = self.S, np.zeros((0, 0))
-        return S
-
     def eliminate(self, f: Array) -> Array:
         """``K_ii^-1 f_i``, then ``f_c - K_ci K_ii^-1 f_i``, (n,) or (n, r) -> (n, r)."""
         f = np.asarray(f, dtype=float).reshape(len(f), -1)
@@ -124,11 +116,6 @@ class DistributedFactor:
                 eliminated[:inner] += self._coupled(u_keep, True)[0][self.interior]
         eliminated[inner:] = u_keep
         return eliminated
-
-    def reduce_load(self, f: Array) -> Array:
-        """``f_c - K_ci K_ii^-1 f_i``, (n,) or (n, r)."""
-        f = np.asarray(f, dtype=float)
-        return self.eliminate(f)[len(self.interior) :].reshape(-1, *f.shape[1:])
 
     def response(self, dofs: Index) -> DistributedResponse:
         """Return the displacements that forces on some DOFs (m,) cause there."""
@@ -198,18 +185,7 @@ class DistributedFactor:
         how: Solved = parts[0][-1]
         share, seconds, spent = self._share, time.perf_counter() - start, self._spent
         self._spent = 0.0
-        told = LinearSolve(
-            len(self.order),
-            share.name,
-            how.iterations,
-            how.residual,
-            self._own.size,
-            spent,
-            seconds,
-            self.memory,
-            columns,
-        )
-        logger.info("PETSc on %d ranks: %s", self._own.size, told)
+        told = share.told(how, len(self.order), self._own.size, spent, seconds, self.memory, columns)
         self._tell(told)
         if share.factorises and (how.reason < 0 or not how.residual <= ACCEPTED):
             raise singular(-1, 0.0)

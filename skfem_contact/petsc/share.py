@@ -7,6 +7,7 @@ How a matrix is to be solved with (`Settings`, over PETSc's options, `Database`)
 from __future__ import annotations
 
 import ctypes
+import logging
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
@@ -20,6 +21,8 @@ from skfem_contact.errors import LinearSolveError
 from skfem_contact.records import dataclass
 
 # Of PETSc's options on the command line.
+logger = logging.getLogger("skfem_contact")
+
 PREFIX = "sc_"
 
 # The residual that conjugate gradients carry along drifts from the true one; an iteration is begun
@@ -240,6 +243,23 @@ class Share:
     def name(self) -> str:
         """Iteration and preconditioner as PETSc calls them, such as ``cg + gamg``."""
         return f"{self.ksp.getType()} + {self.ksp.getPC().getType()}"
+
+    def told(
+        self,
+        how: Solved,
+        unknowns: int,
+        ranks: int,
+        setup: float,
+        seconds: float,
+        memory: int,
+        columns: int = 1,
+    ) -> LinearSolve:
+        """What is kept of a solve, which is logged."""
+        solve = LinearSolve(
+            unknowns, self.name, how.iterations, how.residual, ranks, setup, seconds, memory, columns
+        )
+        logger.info("PETSc on %d ranks: %s", ranks, solve)
+        return solve
 
     def _memory(self) -> int:
         pc, per_entry = self.ksp.getPC(), 8 + self.index_bytes

@@ -23,10 +23,17 @@ from skfem_contact.bodies.member import Member
 from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.linalg.backend import Stacked
 from skfem_contact.petsc.assembly import adopted
-from skfem_contact.petsc.layout import Layout, orthonormal, together
 from skfem_contact.petsc.ranks import Ranks, csr_of
 from skfem_contact.petsc.share import Settings
-from skfem_contact.petsc.stiffness import Alive, DistributedStiffness, RankedStiffness, Rows
+from skfem_contact.petsc.stiffness import (
+    Alive,
+    DistributedStiffness,
+    Layout,
+    RankedStiffness,
+    Rows,
+    orthonormal,
+    together,
+)
 from skfem_contact.records import dataclass
 
 Index = NDArray[Any]

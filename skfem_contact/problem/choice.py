@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Index
 from skfem_contact.bodies.remote import check_whole
 from skfem_contact.bodies.system import System
 from skfem_contact.digits import COMPUTED
@@ -30,8 +31,6 @@ from skfem_contact.problem import thresholds
 from skfem_contact.problem.condensed import dense_bytes
 from skfem_contact.problem.substructure import Substructure, wanted_of
 from skfem_contact.problem.thresholds import CUBES_PER_ENTRY, CYCLES, PER_BYTE
-
-Index = NDArray[np.intp]
 
 
 def checked_linear(linear: Any) -> Any:

@@ -23,32 +23,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix, diags
 
-from skfem_contact.arrays import block_diagonal
+from skfem_contact.arrays import Array, Mask, block_diagonal
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import columns_of, stacked_rows, with_columns
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import blocks, symmetrise
 from skfem_contact.problem import thresholds
-from skfem_contact.problem.points import PointSpace, on_rows
+from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
 from skfem_contact.problem.seam import ContactProblem, OnContactDofs, PosedOn
 from skfem_contact.problem.springs import point_resistance, resistance_by, spring_compliance
 from skfem_contact.problem.substructure import Components, Substructure, Substructures
 from skfem_contact.problem.thresholds import RECOVERED_AT_ONCE, STIFFER
 from skfem_contact.problem.zone import Compliance, Zones
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 class Condensed(Substructures[Substructure]):
@@ -185,24 +179,20 @@ class Condensed(Substructures[Substructure]):
         return PointProblem(self, on)
 
 
-class PointProblem(OnContactDofs[Condensed]):
+class PointProblem(OnContactDofs):
     """The contact problem on gaps and slips, see `Compliance`."""
 
     def __init__(self, bodies: Condensed, on: PosedOn) -> None:
         super().__init__(bodies, on)
-        B, *places = self.changing_rows(on)
-        self._places = places[0], places[1]
         self._every = not self.slips or bool(on.slipping[on.kin.paired].all())  # that have slips
-        self.G = G = stacked_rows([B, bodies.anchor_rows] if bodies.P.size else [B])
-        self.q, self.give = B.shape[0], np.zeros(B.shape[0])
-        self.springs: Array | None = None
-        W = bodies.compliance(G)
+        if bodies.P.size:
+            self.G = stacked_rows([self.G, bodies.anchor_rows])
+        W = bodies.compliance(self.G)
         stable = all(part.definite for part in bodies.substructures)
-        self.compliance = Compliance(W, *self._places, self.q, stable)
-        self._begin_anew()
-        self.unknowns = self.q
+        self.compliance = Compliance(W, self.normal_rows, self.tangential_rows, self.q, stable)
+        self.zones, self.unknowns = Zones(self.compliance), self.q
         try:
-            if not self.compliance.independent(G, bodies.least_softness):
+            if not self.compliance.independent(self.G, bodies.least_softness):
                 self.zones.whole()
         except SingularMatrix:  # is told to whom it matters
             pass
@@ -217,12 +207,13 @@ class PointProblem(OnContactDofs[Condensed]):
                 self._give_way(self.springs, self.springs[:, None])
                 self.unknowns = 0
         # what follows from loads that have one component, of so many as there were of each kind
-        self._follows = np.zeros((len(bodies.columns) + G.shape[0], 0))
+        self._follows = np.zeros((len(bodies.columns) + len(W), 0))
         self._counts: list[int] = []
 
     def _begin_anew(self) -> None:
         super()._begin_anew()
-        self.zones = Zones(self.compliance)
+        if hasattr(self, "compliance"):
+            self.zones = Zones(self.compliance)
 
     def _take_all(self) -> None:
         """Take the rows as they are: it is a body that flows or buckles that makes them alike."""
@@ -235,13 +226,10 @@ class PointProblem(OnContactDofs[Condensed]):
 
     def _give_way(self, normal: Array, tangential: Array) -> None:
         """See all points through springs of these compliances, (m,) and (m, d-1), and no others."""
-        give = self._on_rows(normal, tangential)
+        give = self.on_rows(normal, tangential)
         self.compliance = self.compliance.with_springs(give - self.give)
         self.give = give
         self._begin_anew()
-
-    def _on_rows(self, normal: Array, tangential: Array) -> Array:
-        return on_rows((normal, tangential), *self._places, self.q)
 
     @property
     def points(self) -> PointSpace | None:
@@ -255,7 +243,7 @@ class PointProblem(OnContactDofs[Condensed]):
         Where points are seen through springs, what its own DOFs resist: anchors depend on numbering.
         """
         if self.springs is None and self._every:
-            return resistance_by(self.compliance.W, *self._places)
+            return resistance_by(self.compliance.W, self.normal_rows, self.tangential_rows)
         if self.springs is None:
             return point_resistance(self.rows, self.slips, self.bodies.row_flexibility)
         given = diags(STIFFER * self.bodies.softness)
@@ -296,34 +284,12 @@ class PointProblem(OnContactDofs[Condensed]):
         """Gaps, slips and forces under these conditions."""
         return self.zones.solve(conditions, load)
 
-    def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
-        """The load with the forces at which the springs of the problem have no strain."""
-        assert load.moved is not None
-        moved = load.moved.copy()
-        moved[: self.q] -= self.give * self._on_rows(normal_force, -tangential_force)
-        return replace(load, moved=moved)
-
     def in_series(self, C: Resistance) -> PointProblem:
         """The same problem with springs of the stiffness C in series with its points."""
         new = copy(self)
         new.springs = None  # that are to lose their strain
         new._give_way(1.0 / C.normal, 1.0 / C.tangential[:, None])
         return new
-
-    def source(self, load: Load, response: Response) -> Source:
-        """Forces on the contact DOFs: loads, contact, and the springs on the anchors."""
-        return self.sources([(load, response)])[0]
-
-    def sources(self, found: Sequence[tuple[Load, Response]]) -> list[Source]:
-        """Those of many answers: sparse matrices are quick where they meet many vectors at once."""
-        from_gaps, from_slips = self.onto_dofs
-        loads, responses = [load for load, _ in found], [response for _, response in found]
-        force = np.column_stack([load.prescribed for load in loads])
-        force += from_gaps @ np.column_stack([r.normal_force for r in responses])
-        force += self.bodies.P @ np.column_stack([r.solution[self.q :] for r in responses])
-        if self.slips:
-            force -= from_slips @ np.column_stack([r.tangential_force.ravel() for r in responses])
-        return [Source(column.copy(), forces=True) for column in force.T]
 
 
 def dense_bytes(kept: Sequence[int], rows: int) -> int:

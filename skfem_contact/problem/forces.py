@@ -23,19 +23,17 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from copy import copy
-from dataclasses import replace
 from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import lu
 from skfem_contact.linalg.krylov import Iterated, gmres
-from skfem_contact.problem.points import on_rows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, friction_force
 from skfem_contact.problem.seam import OnContactDofs, PosedOn
 from skfem_contact.problem.sparse import DependentRows
@@ -43,10 +41,6 @@ from skfem_contact.problem.springs import point_resistance
 from skfem_contact.problem.thresholds import ROUGHLY, STIFFER
 from skfem_contact.problem.whole import Layers, Whole
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,23 +138,16 @@ def _times(A: Array, x: Array) -> Array:
     return np.asarray(np.einsum("ikl,il->ik", A, x))
 
 
-W = TypeVar("W", bound=Whole[Any])
-P = TypeVar("P", bound="OnForces[Any]")
+P = TypeVar("P", bound="OnForces")
 
 
-class OnForces(OnContactDofs[W]):
+class OnForces(OnContactDofs):
     """A contact problem on forces.
 
     Attributes
     ----------
-    G : csr_matrix, shape (r, n_c)
-        Rows of gaps and slips that can change.
-    normal_rows, tangential_rows : ndarray of int, shapes (m,) and (m, d-1)
-        Where in them each point has its own; -1 where it has none.
-    own : ndarray, shape (r,)
+    own : ndarray, shape (q,)
         Stiffness of each row by itself, by the diagonal of K [force/length].
-    give : ndarray, shape (r,)
-        Compliance of the springs in series with each row; zero without [length/force].
     FP : ndarray, shape (n_c, k)
         What the springs on the anchors do to the contact DOFs.
     iterations : list of int
@@ -171,17 +158,13 @@ class OnForces(OnContactDofs[W]):
     DependentRows
     """
 
-    points = None
-    springs = None  # rows that depend on each other are solved with all DOFs
-
-    def __init__(self, bodies: W, on: PosedOn) -> None:
+    def __init__(self, bodies: Whole[Any], on: PosedOn) -> None:
         super().__init__(bodies, on)
-        self.G, self.normal_rows, self.tangential_rows = self.changing_rows(on)
         self.layers = Layers(bodies)
         if not self.layers.independent(self.G, self._positions()):
-            raise DependentRows
+            raise DependentRows  # they are solved with all DOFs
         self.own = 1.0 / self.layers.compliance(self.G)
-        self.give, self._share = np.zeros(len(self.own)), np.ones(len(self.own))
+        self._share = np.ones(self.q)
         columns = [bodies.flexibility(column) for column in bodies.P.T]
         self.FP = np.column_stack(columns) if columns else bodies.P
         self.iterations: list[int] = []
@@ -196,25 +179,16 @@ class OnForces(OnContactDofs[W]):
     def in_series(self: P, C: Resistance) -> P:
         """The same problem with springs of the stiffness C in series with its points."""
         new = copy(self)
-        new.give = self._on_rows(1.0 / C.normal, 1.0 / C.tangential[:, None])
+        new.give = self.on_rows(1.0 / C.normal, 1.0 / C.tangential[:, None])
         new._share = 1.0 / (1.0 + self.own * new.give)
         new.own = self.own * new._share
         new._begin_anew()
         return new
 
-    def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
-        """The load with the forces at which the springs have no strain."""
-        assert load.moved is not None
-        moved = load.moved.copy()
-        moved[: len(self.own)] -= self.give * self._on_rows(normal_force, -tangential_force)
-        return replace(load, moved=moved)
-
-    def _on_rows(self, *values: Array) -> Array:
-        return on_rows(values, self.normal_rows, self.tangential_rows, len(self.own))
-
     def _begin_anew(self) -> None:
         super()._begin_anew()
         self._stiffness: tuple[Index, Callable[[Array], Array]] | None = None
+        self._last: tuple[Any, ...] = (None,)  # load and answer of the iteration before
 
     def stiffness(self, rows: Index) -> Callable[[Array], Array]:
         """Forces on some of the rows that hold them at gaps and slips, nearly.
@@ -304,7 +278,7 @@ class HeldForces(ABC):
         The rows do not hold the bodies.
     """
 
-    def __init__(self, problem: OnForces[W], conditions: Conditions, load: Load) -> None:
+    def __init__(self, problem: OnForces, conditions: Conditions, load: Load) -> None:
         self.held = held = problem.held(conditions, load)
         self.P, self.rough, self._counts = problem.bodies.P, conditions.rough, problem.iterations
         self.scale = np.sqrt(problem.own[held.rows])

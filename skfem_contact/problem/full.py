@@ -9,23 +9,21 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag as dense_block_diag
 from scipy.sparse import block_diag, csr_matrix, diags
 
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.remote import RemoteStiffness
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.linalg.direct import as_linear_solver
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
-from skfem_contact.problem.seam import ContactProblem, Posed, PosedOn
+from skfem_contact.problem.seam import ContactProblem, PosedOn
 from skfem_contact.problem.sparse import DependentRows, DisplacementsInSeries, SparseSpace
 from skfem_contact.problem.springs import point_resistance, spring_compliance
 from skfem_contact.problem.thresholds import STIFFER
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 logger = logging.getLogger("skfem_contact")
 
 
@@ -60,14 +58,12 @@ class FullSystem:
         return FullProblem(self, on, prefer, labels)
 
 
-class FullProblem(Posed):
+class FullProblem(ContactProblem):
     """The contact problem on all DOFs."""
 
-    points = None
+    _seen: DisplacementsInSeries | None = None
 
     def __init__(self, bodies: FullSystem, on: PosedOn, prefer: Mask, labels: Sequence[str]) -> None:
-        super().__init__(on)
-        self.slips = bool(on.slipping.any())
         self.space = SparseSpace(
             K=bodies.K,
             kin=on.kin,
@@ -80,8 +76,7 @@ class FullProblem(Posed):
             points=bodies.points,
             modes=bodies.modes,
         )
-        self.springs: Array | None = None
-        self._seen: DisplacementsInSeries | None = None
+        super().__init__(bodies, on)
 
     def _begin_anew(self) -> None:
         super()._begin_anew()
@@ -144,10 +139,6 @@ class FullProblem(Posed):
         """The load case as it stands."""
         return Load(case.f, case.gap0, case.slip0, case.x)
 
-    def source(self, load: Load, response: Response) -> Source:
+    def sources(self, found: Sequence[tuple[Load, Response]]) -> list[Source]:
         """Displacements of all DOFs."""
-        return Source(response.solution, forces=False)
-
-    def surface(self, source: Source, case: LoadCase) -> Array:
-        """Displacements of all DOFs (n,)."""
-        return source.values
+        return [Source(response.solution, forces=False) for _, response in found]

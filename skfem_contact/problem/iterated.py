@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix, csr_matrix, diags
 
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
@@ -48,7 +49,6 @@ from skfem_contact.problem.substructure import Substructure
 from skfem_contact.problem.thresholds import CLOSER, ITERATED, MOST_PRODUCTS, ROUNDING
 from skfem_contact.problem.whole import Whole, WholeBody
 
-Array = NDArray[np.float64]
 logger = logging.getLogger("skfem_contact")
 
 
@@ -67,16 +67,8 @@ class IteratedBodies(Whole[WholeBody]):
             return FullProblem(full, on, prefer, labels)
 
 
-class IteratedProblem(OnForces[IteratedBodies]):
+class IteratedProblem(OnForces):
     """The contact problem on forces, by GMRES through the factors of the bodies."""
-
-    def __init__(self, bodies: IteratedBodies, on: PosedOn) -> None:
-        super().__init__(bodies, on)
-        self._begin_anew()
-
-    def _begin_anew(self) -> None:
-        super()._begin_anew()
-        self._last: tuple[Load, Array, Array] | None = None  # of the iteration before, under one load
 
     def moved(self, p: Array, q: Array) -> tuple[Array, Array]:
         """Gaps and slips, and extensions of the springs, by forces on all rows and on the springs."""
@@ -87,29 +79,18 @@ class IteratedProblem(OnForces[IteratedBodies]):
         """A load case: what gaps, slips and anchors do where contact carries nothing."""
         u = self.bodies.load(case)
         moved = np.append(self.G @ u, self.bodies.P.T @ u)
-        return Load(np.zeros(0), *self.constant(case), np.zeros(0), (), moved)
+        return Load(np.zeros(0), *self.constant(case), np.zeros(len(u)), (), moved)
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Gaps, slips and forces under these conditions."""
         assert load.moved is not None
-        z0, q0 = np.split(load.moved, [len(self.own)])
-        begin = np.zeros(len(z0)), np.zeros(len(q0))
-        if self._last is not None and self._last[0] is load:
-            begin = self._last[1:]
+        z0, q0 = np.split(load.moved, [self.q])
+        begin = self._last[1:] if self._last[0] is load else (np.zeros(len(z0)), np.zeros(len(q0)))
         system = _Forces(self, conditions, load)
         p, q = system.found(z0, q0, *begin)
         self._last = load, p, q
         z = z0 + self.moved(p, q)[0]
         return self.response(conditions, load, z, p, np.append(p, q), system.rough)
-
-    def source(self, load: Load, response: Response) -> Source:
-        """Forces on the contact DOFs: contact, and the springs on the anchors."""
-        q = response.solution[len(self.own) :]
-        from_gaps, from_slips = self.onto_dofs
-        force = from_gaps @ response.normal_force + self.bodies.P @ q
-        if self.slips:
-            force -= from_slips @ response.tangential_force.ravel()
-        return Source(force, forces=True)
 
 
 class _Forces(HeldForces):
@@ -152,9 +133,6 @@ class _Forces(HeldForces):
     def _precondition(self, r: Array) -> Array:
         p, q = self.solved(r[: len(self.scale)] / self.scale, r[len(self.scale) :])
         return np.append(p / self.scale, q)
-
-
-logger = logging.getLogger("skfem_contact")
 
 
 class GridBody(WholeBody):
@@ -260,42 +238,33 @@ class MultigridBodies(Whole[GridBody]):
             return FullProblem(full, on, prefer, labels)
 
 
-class MultigridProblem(OnForces[MultigridBodies]):
+class MultigridProblem(OnForces):
     """The contact problem on displacements and forces, by GMRES with multigrid."""
-
-    def __init__(self, bodies: MultigridBodies, on: PosedOn) -> None:
-        super().__init__(bodies, on)
-        self._begin_anew()
-
-    def _begin_anew(self) -> None:
-        super()._begin_anew()
-        self._last: tuple[Load, Array, Array, Array] | None = None  # of the iteration before
 
     def load(self, case: LoadCase) -> Load:
         """A load case on the free DOFs; `prescribed` are the displacements of the others."""
         u = np.zeros(self.bodies.system.n)
         u[self.bodies.system.D] = case.x[self.bodies.system.D]
-        still = np.zeros(len(self.own))  # springs in series move them; loads are part of the equations
+        still = np.zeros(self.q)  # springs in series move them; loads are part of the equations
         return Load(self.bodies.free_load(case), *self.constant(case), u, (), still)
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Gaps, slips and forces under these conditions."""
         assert load.moved is not None
-        sizes = len(load.force), len(self.own), self.bodies.P.shape[1]
-        begin = tuple(np.zeros(size) for size in sizes)
-        if self._last is not None and self._last[0] is load:
-            begin = self._last[1:]
+        sizes = len(load.force), self.q, self.bodies.P.shape[1]
+        begin = self._last[1:] if self._last[0] is load else map(np.zeros, sizes)
         system = _Fields(self, conditions, load)
         u, p, q = system.found(load, *begin)
         self._last = load, u, p, q
         z = load.moved + self.G @ u[self.bodies.place] + self.give * p
         return self.response(conditions, load, z, p, u, system.rough)
 
-    def source(self, load: Load, response: Response) -> Source:
+    def sources(self, found: Sequence[tuple[Load, Response]]) -> list[Source]:
         """Displacements of all DOFs."""
-        u = load.prescribed.copy()
-        u[self.bodies.free] = response.solution
-        return Source(u, forces=False)
+        displacements = [load.prescribed.copy() for load, _ in found]
+        for u, (_, response) in zip(displacements, found, strict=True):
+            u[self.bodies.free] = response.solution
+        return [Source(u, forces=False) for u in displacements]
 
 
 class _Fields(HeldForces):

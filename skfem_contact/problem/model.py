@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
-from skfem_contact.arrays import largest
+from skfem_contact.arrays import Array, largest
 from skfem_contact.bodies.body import Body
 from skfem_contact.carried import carried
 from skfem_contact.conditions.geometry import Geometry
@@ -25,7 +25,7 @@ from skfem_contact.once import Lock, once
 from skfem_contact.pairing.vectors import entries
 from skfem_contact.problem.choice import Choice, check_distributed, checked_linear
 from skfem_contact.problem.condensed import Condensed, PointProblem
-from skfem_contact.problem.seam import Bodies, ContactProblem, PosedOn
+from skfem_contact.problem.seam import ContactProblem, PosedOn
 from skfem_contact.problem.substructure import Substructure, firmness
 from skfem_contact.problem.thresholds import MOST_TWINS
 from skfem_contact.sealed import seal
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
     AnyBodies = Condensed | IteratedBodies | MultigridBodies | FullSystem
 
-Array = NDArray[np.float64]
 
 EVEN_CLOSED = "even with every contact point closed"
 
@@ -140,16 +139,8 @@ class LinearModel:
         """The same bodies under other friction laws; shared, where the laws need the same rows."""
         same = np.array_equal(interface.slipping, self.interface.slipping)
         own = geometry is self.geometry
-        twin = LinearModel(
-            geometry,
-            interface,
-            self.stiffness,
-            self.motions if own else self.motions.seen_by(geometry.kin),
-            self.linear,
-            self.limits,
-            timings,
-            steps=self.choice.steps,
-        )
+        motions = self.motions if own else self.motions.seen_by(geometry.kin)
+        twin = self._like(geometry=geometry, interface=interface, motions=motions, timings=timings)
         if same and own:
             self.prepare()
             twin._bodies, twin._base = self._bodies, self._base
@@ -183,23 +174,18 @@ class LinearModel:
 
     def _with(self, changed: Mapping[int, Any]) -> LinearModel:
         stiffness = [changed.get(i, K) for i, K in enumerate(self.stiffness)]
-        parts_now = self.substructures or [None] * len(stiffness)
-        reuse = [None if i in changed else part for i, part in enumerate(parts_now)]
+        reuse = [None if i in changed else part for i, part in enumerate(self.substructures)]
         motions = rigid_motions(self.system, self.kin, stiffness)
-        twin = self._anew(stiffness, motions, reuse, self.choice.steps)
+        twin = self._like(stiffness=stiffness, motions=motions, reuse=reuse)
         # one of the pattern of K and of what supports hold, which springs that are added do not change
         vars(twin)["choice"] = self.choice
         return twin
 
-    def _anew(
-        self,
-        stiffness: Sequence[csr_matrix],
-        motions: RigidMotions,
-        reuse: Sequence[Substructure | None],
-        steps: float,
-    ) -> LinearModel:
-        given = self.geometry, self.interface, stiffness, motions
-        return LinearModel(*given, self.linear, self.limits, self.timings, reuse, steps)
+    def _like(self, **changed: Any) -> LinearModel:
+        """Another model, which differs in some of its parameters."""
+        same = "geometry", "interface", "stiffness", "motions", "linear", "limits", "timings"
+        given = {name: getattr(self, name) for name in same} | {"steps": self.choice.steps}
+        return LinearModel(**(given | changed))
 
     def expecting(self, steps: float) -> LinearModel:
         """The model for more load steps to come; another one where so many are worth another route.
@@ -212,7 +198,7 @@ class LinearModel:
                 same = choice.route == self.route
                 if not same or choice.few_steps != self.choice.few_steps:
                     reuse = self.substructures if same else ()
-                    return self._anew(self.stiffness, self.motions, reuse, choice.steps)
+                    return self._like(reuse=reuse, steps=choice.steps)
             self.choice = choice
             return self
 
@@ -222,16 +208,13 @@ class LinearModel:
         What is condensed for one iterate serves those that follow, whoever began; what bodies remember
         of loads does not: an answer is the same to the last bit in a solver that goes on from a file.
         """
-        same = [new is old for new, old in zip(stiffness, self.stiffness, strict=True)]
-        parts = self.substructures or [None] * len(same)
-        known = zip(parts, same, strict=True)
-        reuse = [part.unloaded() if part and is_same else None for part, is_same in known]
+        known = zip(self.substructures, self.stiffness, stiffness, strict=False)
+        reuse = [part.unloaded() if part and new is old else None for part, old, new in known]
         # without supports it is a matter of the tangent what holds: a stressed one resists rotations
         motions = self.motions
         if motions.k:
             motions = rigid_motions(self.system, self.kin, list(stiffness))
-        given = self.geometry, self.interface, stiffness, motions
-        twin = LinearModel(*given, self.linear, self.limits, self.timings, reuse)
+        twin = self._like(stiffness=stiffness, motions=motions, reuse=reuse, steps=0.0)
         twin._tangent_of = twin._undeformed = self
         for name in ("_wanted", "_prefer", "labels", "choice"):  # of the pairing and the pattern of K
             vars(twin)[name] = getattr(self, name)
@@ -241,8 +224,7 @@ class LinearModel:
         """Take the bodies that another model has condensed, and that are the same here."""
         if self._bodies is not None or self.substructures:
             return
-        parts = twin.substructures
-        known = zip(parts, self.stiffness, twin.stiffness, strict=True) if parts else ()
+        known = zip(twin.substructures, self.stiffness, twin.stiffness, strict=False)
         self._reuse = [part if own is other else None for part, own, other in known]
 
     def prepare(self) -> None:
@@ -330,7 +312,7 @@ class LinearModel:
             self.timings["contact problem"] = self.timings.get("contact problem", 0.0) + spent
         return problem
 
-    def _attach(self, bodies: Bodies, kin: Kinematics | None, u: Array | None) -> ContactProblem:
+    def _attach(self, bodies: AnyBodies, kin: Kinematics | None, u: Array | None) -> ContactProblem:
         own = self.kin if kin is None else kin
         motions = self.motions if kin is None else self.motions.seen_by(kin)
         base = self._undeformed

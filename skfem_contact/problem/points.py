@@ -12,14 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.linalg.dense_factors import DenseFactors, blocks, factorised
 from skfem_contact.problem.response import Conditions, Load, Response, friction_force
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Index = NDArray[np.intp]
-
 
 # What rows of -1 find at the end of a vector: those that can not change.
 NO_ROW = np.zeros(1)

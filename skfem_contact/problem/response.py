@@ -10,13 +10,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.digits import SOLVED
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(eq=False)

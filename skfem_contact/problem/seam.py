@@ -17,7 +17,8 @@ problem            unknowns               in
 `FullProblem`      all DOFs               `full`: sparse, with any linear solver
 =================  =====================  ==========================================================
 
-`OnContactDofs` is what the problems of bodies reduced to their contact DOFs have in common.
+`ContactProblem` is what all have in common, `OnContactDofs` what those of bodies reduced to their
+contact DOFs have.
 
 A contact problem keeps the factors of its last iteration, what it has left out, and more, as most
 iterations of a load history ask for the set of the last one. That changes while a loop runs, so it must
@@ -33,15 +34,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
+from dataclasses import replace
 from functools import cached_property
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix
 
-from skfem_contact.bodies.system import System
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.kinematics import (
     Kinematics,
     prescribed_rows,
@@ -53,23 +54,31 @@ from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.rows import row_sizes, stacked_rows
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import ContactError
-from skfem_contact.problem.points import PointSpace
+from skfem_contact.problem.points import PointSpace, on_rows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
 from skfem_contact.records import dataclass
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Index = NDArray[np.intp]
-P = TypeVar("P", bound="Posed")
+P = TypeVar("P", bound="ContactProblem")
 
 
 class LinearProblem(Protocol):
-    """A problem that gives gaps, slips and forces under conditions that are linear."""
+    """A problem that gives gaps, slips and forces under conditions that are linear.
+
+    Attributes
+    ----------
+    points : PointSpace or None
+        The dense problem on gaps and slips, where it is that: pivoting and uniqueness need it.
+    springs : ndarray, shape (m,), or None
+        Compliance of the springs through which points are seen [length/force]; see `springs`. None
+        where rows do not depend on each other, and there are none. They are a device of the iteration:
+        it moves their rest forces until none has a strain.
+    """
 
     @property
-    def points(self) -> PointSpace | None:
-        """The dense problem on gaps and slips, where it is that: pivoting and uniqueness need it."""
-        ...
+    def points(self) -> PointSpace | None: ...
+
+    @property
+    def springs(self) -> Array | None: ...
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Gaps, slips and forces of all points under these conditions.
@@ -81,113 +90,8 @@ class LinearProblem(Protocol):
         """
         ...
 
-    @property
-    def springs(self) -> Array | None:
-        """Compliance of the springs through which points are seen, (m,) [length/force]; see `springs`.
-
-        None where rows do not depend on each other, and there are none. They are a device of the
-        iteration: it moves their rest forces until none has a strain.
-        """
-        ...
-
     def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
         """A load of `ContactProblem.load` with the forces at which the springs have no strain."""
-        ...
-
-
-class ContactProblem(LinearProblem, Protocol):
-    """The bodies reduced to the points of one pairing.
-
-    Attributes
-    ----------
-    kin : Kinematics
-        The pairing; its `gap0` are the gaps at the displacements `u`.
-    motions : RigidMotions
-        Those that supports leave free, seen from these points.
-    u : ndarray, shape (n,) or None
-        Displacements of the surfaces at which the pairing was made; None for the undeformed bodies.
-    idle : list of ContactProblem
-        Of those that `anew` has made the ones that no solve has at the moment, see `Workspace`.
-    steps : WeakKeyDictionary
-        What loops know of the points, by whom they are asked; of this problem's memory.
-    on_points : ContactProblem or None
-        The same on gaps and slips, where somebody has asked for it; of this problem's memory.
-    unknowns : int
-        Gaps and slips of `points`; zero where there is none.
-    """
-
-    kin: Kinematics
-    motions: RigidMotions
-    u: Array | None
-    idle: list[Any]
-    steps: WeakKeyDictionary[Any, Any]
-    on_points: ContactProblem | None
-    unknowns: int
-
-    def anew(self) -> ContactProblem:
-        """The same problem with a memory of its own: for one solve at a time."""
-        ...
-
-    @property
-    def able(self) -> Mask:
-        """Points whose gap can change: where it is prescribed, D carries the force instead."""
-        ...
-
-    @property
-    def prescribed_tangents(self) -> Mask:
-        """Tangents along which supports prescribe the slip, (m, d-1): they take any friction there."""
-        ...
-
-    @property
-    def resistance(self) -> Resistance:
-        """Return what each point resists by itself: how gaps and slips count beside forces."""
-        ...
-
-    def in_series(self, C: Resistance) -> LinearProblem:
-        """The same problem with springs of the stiffness C in series with its points."""
-        ...
-
-    def load(self, case: LoadCase) -> Load:
-        """A load case in the unknowns of the problem."""
-        ...
-
-    def source(self, load: Load, response: Response) -> Source:
-        """Return what the displacements of the bodies follow from."""
-        ...
-
-    def sources(self, found: Sequence[tuple[Load, Response]]) -> list[Source]:
-        """The same for many answers."""
-        ...
-
-    def surface(self, source: Source, case: LoadCase) -> Array:
-        """Displacements (n,) as far as they are known without the interior [length]."""
-        ...
-
-
-class Bodies(Protocol):
-    """The bodies without contact: `Condensed` or `FullSystem`."""
-
-    def attach(self, on: PosedOn, prefer: Mask, labels: Sequence[str]) -> ContactProblem:
-        """The contact problem on one pairing.
-
-        Parameters
-        ----------
-        on : PosedOn
-        prefer : ndarray of bool, shape (n,)
-            DOFs of the secondary surfaces, which are eliminated where there is a choice.
-        labels : sequence of str
-            Names of the m points.
-        """
-        ...
-
-    def surface(self, source: Source, case: LoadCase) -> Array:
-        """Displacements (n,) as far as they are known without the interior [length]."""
-        ...
-
-    def recover(
-        self, sources: Source, components: Sequence[Any], cases: Sequence[LoadCase]
-    ) -> list[Array]:
-        """All displacements, r arrays (n,), from r sources."""
         ...
 
 
@@ -212,16 +116,39 @@ class PosedOn:
     independent: Callable[[], bool] | None = None
 
 
-class Posed:
-    """The part that all contact problems have of the pairing that they are posed on."""
+class ContactProblem(LinearProblem):
+    """Bodies and the points of one pairing.
 
+    Attributes
+    ----------
+    bodies
+        The bodies without contact: `Condensed`, `Whole` or `FullSystem`.
+    kin : Kinematics
+        The pairing; its `gap0` are the gaps at the displacements `u`.
+    motions : RigidMotions
+        Those that supports leave free, seen from these points.
+    u : ndarray, shape (n,) or None
+        Displacements of the surfaces at which the pairing was made; None for the undeformed bodies.
+    slips : bool
+        Whether any point has tangential rows.
+    idle : list of ContactProblem
+        Of those that `anew` has made the ones that no solve has at the moment, see `Workspace`.
+    steps : WeakKeyDictionary
+        What loops know of the points, by whom they are asked; of this problem's memory.
+    on_points : ContactProblem or None
+        The same on gaps and slips, where somebody has asked for it; of this problem's memory.
+    unknowns : int
+        Gaps and slips of `points`; zero where there is none.
+    """
+
+    springs: Array | None = None
     unknowns = 0
 
-    def __init__(self, on: PosedOn) -> None:
+    def __init__(self, bodies: Any, on: PosedOn) -> None:
+        self.bodies, self.slips = bodies, bool(on.slipping.any())
         self.kin, self.motions, self.u = on.kin, on.motions, on.u
         self.idle: list[Any] = []
-        self.steps: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
-        self.on_points: ContactProblem | None = None
+        self._begin_anew()
 
     def anew(self: P) -> P:
         """The same problem with a memory of its own: for one solve at a time."""
@@ -231,15 +158,38 @@ class Posed:
 
     def _begin_anew(self) -> None:
         """Forget all that follows from what was solved before."""
-        self.steps, self.on_points = WeakKeyDictionary(), None
+        self.steps: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
+        self.on_points: ContactProblem | None = None
+
+    @property
+    def points(self) -> PointSpace | None:
+        """None, but of `PointProblem`."""
+        return None
+
+    @property
+    def resistance(self) -> Resistance:
+        """Return what each point resists by itself: how gaps and slips count beside forces."""
+        raise NotImplementedError
+
+    def in_series(self, C: Resistance) -> LinearProblem:
+        """The same problem with springs of the stiffness C in series with its points."""
+        raise NotImplementedError
+
+    def load(self, case: LoadCase) -> Load:
+        """A load case in the unknowns of the problem."""
+        raise NotImplementedError
 
     def source(self, load: Load, response: Response) -> Source:
         """Return what the displacements of the bodies follow from."""
-        raise NotImplementedError
+        return self.sources([(load, response)])[0]
 
     def sources(self, found: Sequence[tuple[Load, Response]]) -> list[Source]:
-        """Those of many answers."""
-        return [self.source(load, response) for load, response in found]
+        """The same for many answers."""
+        raise NotImplementedError
+
+    def surface(self, source: Source, case: LoadCase) -> Array:
+        """Displacements (n,) as far as they are known without the interior [length]."""
+        return np.asarray(self.bodies.surface(source, case))
 
     @cached_property
     def able(self) -> Mask:
@@ -252,28 +202,25 @@ class Posed:
         return prescribed_tangents(self.kin, self.motions.system.D)
 
 
-class Reduced(Protocol):
-    """Bodies reduced to the contact DOFs `columns` (n_c,) of their system."""
+class OnContactDofs(ContactProblem):
+    """The rows of contact problems on contact DOFs, and on prescribed ones.
 
-    system: System
-    columns: Index
+    Attributes
+    ----------
+    G : csr_matrix, shape (q, n_c)
+        Rows of gaps and slips that can change, those of gaps first.
+    normal_rows, tangential_rows : ndarray of int, shapes (m,) and (m, d-1)
+        Where in them each point has its own; -1 where it has none.
+    give : ndarray, shape (q,)
+        Compliance of the springs in series with each row; zero without [length/force].
+    """
 
-    def surface(self, source: Source, case: LoadCase) -> Array:
-        """Displacements (n,) known without the interior."""
-        ...
-
-
-B = TypeVar("B", bound=Reduced)
-
-
-class OnContactDofs(Posed, Generic[B]):
-    """The rows of contact problems on contact DOFs, and on prescribed ones."""
-
-    def __init__(self, bodies: B, on: PosedOn) -> None:
-        super().__init__(on)
-        self.bodies: B = bodies
-        self.slips = bool(on.slipping.any())
+    def __init__(self, bodies: Any, on: PosedOn) -> None:
+        super().__init__(bodies, on)
         self.rows = without_columns(on.kin, bodies.columns)
+        self.G, self.normal_rows, self.tangential_rows = self._changing_rows(on)
+        self.q = self.G.shape[0]
+        self.give = np.zeros(self.q)
 
     @cached_property
     def prescribed(self) -> Kinematics | None:
@@ -292,11 +239,7 @@ class OnContactDofs(Posed, Generic[B]):
         kin = self.rows
         return kin.B_n.T, kin.B_t.T if self.slips else csc_matrix((len(self.bodies.columns), 0))
 
-    def changing_rows(self, on: PosedOn) -> tuple[csr_matrix, Index, Index]:
-        """Rows (q, n_c) of gaps and slips that can change, and where in them each point has its own.
-
-        Those of gaps first; -1 where a point has none, (m,) and (m, d-1).
-        """
+    def _changing_rows(self, on: PosedOn) -> tuple[csr_matrix, Index, Index]:
         kin, t = self.rows, on.kin.tangents
         normal = np.flatnonzero(kin.paired & (row_sizes(kin.B_n) > GIVEN))
         tangential, rows = np.zeros(0, dtype=np.intp), [_chosen(kin.B_n, normal)]
@@ -322,9 +265,30 @@ class OnContactDofs(Posed, Generic[B]):
             slip0 = slip0 + (known.B_t @ x).reshape(slip0.shape)
         return gap0, slip0
 
-    def surface(self, source: Source, case: LoadCase) -> Array:
-        """Displacements (n,) known without the interior."""
-        return self.bodies.surface(source, case)
+    def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
+        """The load with the forces at which the springs in series have no strain."""
+        assert load.moved is not None
+        moved = load.moved.copy()
+        moved[: self.q] -= self.give * self.on_rows(normal_force, -tangential_force)
+        return replace(load, moved=moved)
+
+    def sources(self, found: Sequence[tuple[Load, Response]]) -> list[Source]:
+        """Forces on the contact DOFs: loads, contact, and the springs on the anchors.
+
+        Those of many answers: sparse matrices are quick where they meet many vectors at once.
+        """
+        from_gaps, from_slips = self.onto_dofs
+        loads, responses = [load for load, _ in found], [response for _, response in found]
+        force = np.column_stack([load.prescribed for load in loads])
+        force += from_gaps @ np.column_stack([r.normal_force for r in responses])
+        force += self.bodies.P @ np.column_stack([r.solution[self.q :] for r in responses])
+        if self.slips:
+            force -= from_slips @ np.column_stack([r.tangential_force.ravel() for r in responses])
+        return [Source(column.copy(), forces=True) for column in force.T]
+
+    def on_rows(self, normal: Array, tangential: Array) -> Array:
+        """Values of points (m,) and of their tangents (m, d-1), on the q rows that there are."""
+        return on_rows((normal, tangential), self.normal_rows, self.tangential_rows, self.q)
 
 
 def _chosen(B: csr_matrix, rows: Index) -> csr_matrix:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bmat, csr_matrix, diags, hstack, identity, vstack
 
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.conditions.kinematics import Kinematics, prescribed_rows
 from skfem_contact.conditions.rows import tangential_matrix
 from skfem_contact.elimination.constraint import AffineConstraint, eliminate
@@ -20,9 +21,6 @@ from skfem_contact.errors import ConstraintError
 from skfem_contact.linalg.backend import Stacked
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, friction_force
 from skfem_contact.records import dataclass
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class DependentRows(Exception):

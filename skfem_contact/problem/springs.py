@@ -23,18 +23,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.digits import COMPUTED
 from skfem_contact.problem.response import Resistance
 from skfem_contact.problem.thresholds import GIVE, ROWS_AT_ONCE
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 def spring_compliance(kin: Kinematics, slips: bool, compliance: Callable[[csr_matrix], Array]) -> Array:

@@ -14,11 +14,10 @@ from dataclasses import replace
 from typing import Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import block_diagonal, same
+from skfem_contact.arrays import Array, Index, block_diagonal, same
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.normals import sizes
@@ -36,8 +35,6 @@ from skfem_contact.records import dataclass
 
 logger = logging.getLogger("skfem_contact")
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Components = tuple[Array, Array]
 NO_LOAD: tuple[Array | None, Array, Array] = None, np.zeros(0), np.zeros(0)
 

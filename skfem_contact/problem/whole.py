@@ -31,11 +31,11 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import splu
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.linalg.backend import Surface
@@ -44,9 +44,6 @@ from skfem_contact.once import once
 from skfem_contact.problem.response import Source
 from skfem_contact.problem.substructure import Components, Substructure, Substructures
 from skfem_contact.problem.thresholds import DEPENDENT, LAYERS, RECOVERED_AT_ONCE
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class WholeBody(Substructure):

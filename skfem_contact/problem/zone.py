@@ -19,11 +19,11 @@ from __future__ import annotations
 from copy import copy
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import splu
 
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import (
     DenseFactors,
@@ -38,10 +38,6 @@ from skfem_contact.problem import thresholds
 from skfem_contact.problem.points import NO_ROW, Duals, PointSpace
 from skfem_contact.problem.response import Conditions, Load, Response
 from skfem_contact.problem.thresholds import FEWEST, LOOSE, SPARE
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Index = NDArray[np.intp]
 
 
 class Zones:

@@ -74,7 +74,7 @@ def estimate(result: Answer, values: ContactValues) -> ErrorEstimate:
 
 def _unrated(result: Answer, values: ContactValues, found: ErrorEstimate) -> str:
     """Why an answer can not be rated, and what to do; empty where it can."""
-    contact = result.contacts[result.names.index(values.name)]
+    contact = values.contact
     sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
     for side in sides:
         name = result.system.names[result.system.index(side.body)]
@@ -95,7 +95,7 @@ def _unrated(result: Answer, values: ContactValues, found: ErrorEstimate) -> str
 
 def _estimated(result: Answer, values: ContactValues) -> ErrorEstimate:
     """The six parts, and what would improve the answer."""
-    contact = result.contacts[result.names.index(values.name)]
+    contact = values.contact
     surface, closed = values.surface, values.status != OPEN
     if not closed.any():
         none = ErrorSources()

@@ -121,7 +121,8 @@ class SurfaceError:
         known &= net.parabolas.there
         facets = np.asarray(known[self.whole.facets].all(axis=1))
         off = np.where(known[:, None], traction - net.parabolas(traction)[:, 0], 0.0)
-        return ripple(self.whole, facets, off), bool(facets.any())
+        inner = np.einsum("qa,fak->fqk", self.whole.kind.gauss[0], off[self.whole.facets[facets]])
+        return squares(self.whole, facets, inner), bool(facets.any())
 
     @cached_property
     def edge(self) -> Edge | None:
@@ -221,13 +222,11 @@ def cut(surface: ContactSurface) -> ContactSurface:
     )
 
 
-def ripple(surface: ContactSurface, facets: Mask, off: Array) -> Array:
-    """Square integrals over facets of what nodal values (m, k) are off, by nodes, (m,)."""
-    out = np.zeros(len(surface.points))
-    at, weight = surface.kind.quadrature(4)
-    nodes = surface.facets[facets]
-    inner = np.einsum("qa,fak->fqk", surface.kind.shapes(at)[0], off[nodes])
-    square = np.einsum("q,fqk->f", weight / weight.sum(), inner**2) * surface.facet_areas[facets]
+def squares(surface: ContactSurface, facets: Mask, off: Array) -> Array:
+    """Square integrals over facets of what is off (f, q, k) at Gauss points, by nodes, (m,)."""
+    out, nodes = np.zeros(len(surface.points)), surface.facets[facets]
+    weight = surface.kind.gauss[2]
+    square = np.einsum("q,fqk->f", weight / weight.sum(), off**2) * surface.facet_areas[facets]
     np.add.at(out, nodes, square[:, None] / nodes.shape[1])
     return out
 
@@ -237,8 +236,7 @@ def ripple(surface: ContactSurface, facets: Mask, off: Array) -> Array:
 
 def chords_error(result: Answer, values: ContactValues) -> float:
     """By which part pressures are too low; zero on straight and on quadratic facets."""
-    i = result.names.index(values.name)
-    contact, part = result.contacts[i], result.slices()[i]
+    contact, part = values.contact, result.slices()[result.names.index(values.name)]
     forces = result.kin.B_n[part].T @ values.normal_force
     sides = [contact.secondary]
     if isinstance(contact.primary, ContactSurface):
@@ -400,22 +398,15 @@ class Net:
 
 def between(surface: ContactSurface, net: Net, smooth: Mask, traction: Array) -> Array:
     """Squares of the parabolas less their interpolation on facets, by their nodes, (m,)."""
-    out = np.zeros(len(surface.points))
-    facets = np.flatnonzero(smooth)
-    if not len(facets):
-        return out
-    at, weight = surface.kind.quadrature(4)
-    N, _ = surface.kind.shapes(at)
-    nodes = surface.facets[facets]
+    N = surface.kind.gauss[0]
+    nodes = surface.facets[smooth]
     x = surface.points[nodes]
     H = net.curvatures(traction)[nodes].mean(axis=1)
     x = x - x.mean(axis=1, keepdims=True)
     at_nodes = 0.5 * np.einsum("fai,fijk,faj->fak", x, H, x)
     inner = np.einsum("qa,fai->fqi", N, x)
     off = 0.5 * np.einsum("fqi,fijk,fqj->fqk", inner, H, inner) - np.einsum("qa,fak->fqk", N, at_nodes)
-    square = np.einsum("q,fqk->f", weight / weight.sum(), off**2) * surface.facet_areas[facets]
-    np.add.at(out, nodes, square[:, None] / nodes.shape[1])
-    return out
+    return squares(surface, smooth, off)
 
 
 def sharp(net: Net, status: Index, first: Array) -> Mask:

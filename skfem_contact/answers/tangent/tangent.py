@@ -296,14 +296,14 @@ class Tangent:
         return self.displacements(*self.respond({"f": f / system.units})) / system.units
 
     def case(self, given: Values) -> LoadCase:
-        """Return what bodies and points see of changes of loads f, x, and of gap0 and slip0."""
+        """Return the load case of changes of the loads f, x, and of gap0 and slip0."""
         n, (m, t) = self.answer.system.n, self.local.slip.shape
         f, x = (given[name] if name in given else np.zeros(n) for name in "fx")
         gap0 = given["gap0"].ravel() if "gap0" in given else np.zeros(m)
         return LoadCase(f, x, gap0, given.get("slip0", np.zeros((m, t))), np.zeros(m), ())
 
     def respond(self, given: Values) -> tuple[LoadCase, Load, Response]:
-        """Return what points do under such changes, and those of the conditions: offset and anchor."""
+        """Return the response of the points to such changes, and to those of offset and anchor."""
         held, case = self.conditions, self.case(given)
         anchor, offset = (given.get(name, held.anchor) for name in ("anchor", "offset"))
         held = replace(held, anchor=anchor, offset=offset)

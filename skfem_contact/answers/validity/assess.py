@@ -44,7 +44,6 @@ from skfem_contact.answers.validity.words import (
 )
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
-from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN
@@ -184,7 +183,9 @@ class Assessment:
         closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
         meeting = self.meeting(i)
         angle = float(np.max(result.kin.tilt[part][closed], initial=0.0))
-        mu = float(np.max(_coefficient(result.contacts[i].friction)))
+        law = result.contacts[i].friction
+        coefficient = law.smaller if isinstance(law, OrthotropicCoulomb) else getattr(law, "mu", np.nan)
+        mu = float(np.max(coefficient))
         share = angle / mu if mu > 0 else np.nan
         seen = meeting.overlap, meeting.chords, meeting.unseen, meeting.opening
         return ContactValidity(self.drift(i), *seen, angle, share, self._alone(i))
@@ -279,11 +280,6 @@ def _drift(result: Answer, i: int) -> Drift:
         return replace(drift, **found)
     elastic = beyond_round_off(elastic_approach(result, i, closed), result.system.extent)
     return replace(drift, approach=max(drift.approach, elastic))
-
-
-def _coefficient(law: FrictionLaw | None) -> Any:
-    """The coefficient of friction that a tilt counts against, one or (m,); NaN without."""
-    return law.smaller if isinstance(law, OrthotropicCoulomb) else getattr(law, "mu", np.nan)
 
 
 def _slip(result: Answer, part: slice) -> Array:

@@ -87,15 +87,9 @@ class Overlaps:
             if b in bodies and isinstance(body, Body)
         }
 
-    @cached_property
-    def beside_surfaces(self) -> dict[int, Extrapolation]:
-        """What surfaces that slide far do not tell of them."""
-        return self._beside(self.geometry.surface_dofs)
-
-    @cached_property
-    def beside_contacts(self) -> dict[int, Extrapolation]:
-        """What is not known of them without the interior."""
-        return self._beside(self.known())
+    #: What is not known of them by surfaces that slide far, and by all contacts without the interior.
+    beside_surfaces = cached_property(lambda self: self._beside(self.geometry.surface_dofs))
+    beside_contacts = cached_property(lambda self: self._beside(self.known()))
 
     def _beside(self, dofs: Index) -> dict[int, Extrapolation]:
         known = np.zeros(self.system.n, dtype=bool)

@@ -122,23 +122,7 @@ class Track:
             self.sagittas = np.zeros(len(self.points))
             if measured:
                 self.sagittas = sagittas(self.secondary, self.primary, facet, self.nodal) * self.unlike
-                self.sagittas[self._on_one_surface(gap)] = 0.0
             self.curved = measured and bool(self.sagittas.any())
-
-    def _on_one_surface(self, gap: Array) -> Mask:
-        """Where all nodes up to two facets away are on the other side: no curves differ between them.
-
-        Node by node that is all that contact asks. Faces of other kinds between the same nodes seem to
-        bend in other ways. Two by two faces say how a surface bends, less do not.
-        """
-        away = np.abs(gap) > COMPUTED * np.abs(self.points).max()
-        if not self.nodal or len(gap) < 9:
-            return np.zeros(len(gap), dtype=bool)
-        away |= ~self.paired
-        for _ in range(2):
-            facets = self.secondary.facets
-            away[facets[away[facets].any(axis=1)]] = True
-        return ~away
 
     def sagitta(self, force: Array, moved: tuple[Array, Array] | None) -> float:
         """Height of the curves over one facet where normal forces act, their mean [length].

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -83,6 +82,7 @@ class Watch:
             for b, (name, support) in enumerate(zip(self.system.names, self.supports, strict=True))
             if len(support.dofs) and name in self.system.solids
         }
+        self.may_lock = any(map(may_lock, self.system.bodies))  # whatever the answer is
         self._moved: tuple[Array, list[Any], dict[str, float], dict[str, float]] | None = None
 
     def look(self, result: Answer, issued: Issued, leaning: dict[str, float]) -> None:
@@ -189,11 +189,6 @@ class Watch:
                 warn(words + ONCE)
         return replace(known, issued=known.issued | new, meetings=measured.meetings)
 
-    @cached_property
-    def _may_lock(self) -> bool:
-        """Whether some body may lock, whatever the answer is."""
-        return any(map(may_lock, self.system.bodies))
-
     def _suspected(self, result: Answer) -> tuple[dict[int, set[str]], Issued]:
         """What seems to be wrong with contacts and has not been said, by kind; looks that are kept.
 
@@ -233,7 +228,7 @@ class Watch:
         looked at once each doubling of its approach.
         """
         found, looked = list[str](), Issued()
-        known, lock = result.diagnostics, lockable(result) if self._may_lock else []
+        known, lock = result.diagnostics, lockable(result) if self.may_lock else []
         size = dict.fromkeys(self.solids, (0.0, 0.0))
         for drift, watch in zip(known.drifts, self.watches, strict=True):
             for name in {self.system.names[b] for b in watch.bodies} & set(size):

@@ -36,7 +36,9 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm, dsyrk, dtrsm, dtrsv, strsv
 from scipy.linalg.lapack import dpotrf
 
+from skfem_contact.arrays import Array, Index
 from skfem_contact.errors import InputError
+from skfem_contact.linalg.backend import BodyFactor
 from skfem_contact.linalg.dense_factors import mirror
 from skfem_contact.linalg.multifrontal.fronts import (
     Fronts,
@@ -50,11 +52,8 @@ from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.linalg.singular import NotPositiveDefinite, smallest_eigenvalue
 from skfem_contact.linalg.thresholds import LEAF, LOST, NEGLIGIBLE, ROWS_AT_ONCE, SUSPICIOUS
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
-
-class MultifrontalCholesky:
+class MultifrontalCholesky(BodyFactor):
     r"""Factorise a stiffness up to the DOFs that are kept: :math:`K_{ii} = L L'`, and S.
 
     Parameters
@@ -80,6 +79,8 @@ class MultifrontalCholesky:
         ``K_kk - K_ki K_ii^-1 K_ik`` in the order of `keep`, symmetric [force/length].
     keep : ndarray of int, shape (nk,)
         DOFs that are not eliminated.
+    order : ndarray of int, shape (n,)
+        The DOFs in the order of elimination, the kept ones last.
     pivot_ratio : float
         Smallest pivot divided by its diagonal entry of `K`; 1 where nothing is eliminated.
     memory : int
@@ -128,6 +129,7 @@ class MultifrontalCholesky:
         K, points, self.keep = checked_matrix(K, points, keep, free)
         pattern = pattern or Pattern.of(K, points, self.keep, leaf, free)
         self.fronts = fronts = pattern.fronts
+        self.order = fronts.order
         self.S = dense_block(K, self.keep if free is None else free[self.keep])
         self._data = pattern.gather(K)
         del pattern  # which is as large as K
@@ -149,22 +151,9 @@ class MultifrontalCholesky:
     def memory(self) -> int:
         return self._data.nbytes + self.S.nbytes + self.fronts.nbytes
 
-    @property
-    def order(self) -> np.ndarray:
-        """The DOFs in the order of elimination, the kept ones last, (n,)."""
-        return self.fronts.order
-
     def response(self, dofs: np.ndarray) -> SurfaceResponse:
         """Return what forces on some DOFs (m,) move there."""
         return SurfaceResponse(self, dofs)
-
-    def take_S(self) -> np.ndarray:
-        """`S` for the caller alone, who may change it; from now on `S` is empty here.
-
-        Solving and recovering do not need it.
-        """
-        S, self.S = self.S, np.zeros((0, 0))
-        return S
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """``K^-1 b`` where nothing is kept; b of shape (n,) or (n, r) [force]."""
@@ -181,21 +170,6 @@ class MultifrontalCholesky:
         f = np.zeros((self.fronts.order.size, *rhs.shape[1:]))
         f[self.interior] = rhs
         return self.recover(np.zeros((self.keep.size, *rhs.shape[1:])), f)[self.interior]
-
-    def reduce_load(self, f: np.ndarray) -> np.ndarray:
-        """``f_k - K_ki K_ii^-1 f_i``, the load that belongs to `S`.
-
-        Parameters
-        ----------
-        f : ndarray, shape (n,) or (n, r)
-            Load [force].
-
-        Returns
-        -------
-        ndarray, shape (nk,) or (nk, r)
-        """
-        f = np.asarray(f, dtype=float)
-        return self.eliminate(f)[self.fronts.start[-2] :].reshape(-1, *f.shape[1:])
 
     def eliminate(self, f: np.ndarray) -> np.ndarray:
         """The first half of `recover`, which is linear in the load: to be kept for many of them.
