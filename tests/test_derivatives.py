@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import pickle
 import re
 import textwrap
@@ -849,11 +850,15 @@ def test_jax_takes_the_gradient():
 
 @pytest.mark.slow
 def test_two_hundred_random_states():
-    """Plane and solids, one and four steps, mortar and node to segment, open points included."""
-    plane, solids = off(range(140), 2), off(range(60), 3)
+    """Plane and solids, one and four steps, mortar and node to segment, open points included.
+
+    Every third of them; all with SKFEM_CONTACT_ALL in the environment (100 CPU s).
+    """
+    some = 1 if os.environ.get("SKFEM_CONTACT_ALL") else 3
+    plane, solids = off(range(0, 140, some), 2), off(range(0, 60, some), 3)
     for by in NUMBERS:
         known = [w for w in plane[by] + solids[by] if w is not None]
-        assert len(known) > 180  # in the others a point changes within the width
+        assert len(known) > 180 / some  # in the others a point changes within the width
         assert max(known) < CLOSE, by
 
 
