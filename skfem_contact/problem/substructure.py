@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from scipy.linalg import LinAlgError
@@ -162,6 +162,14 @@ def _combined(Q: Array, c: Array) -> Array:
     return Q[:, 0] * c if len(c) == 1 else np.asarray(Q @ c)
 
 
+class Eliminated(NamedTuple):
+    """The factors of a body, and what is remembered of forces and of prescribed displacements on it."""
+
+    factor: BodyFactor
+    forces: LoadSpan
+    moves: LoadSpan
+
+
 class Substructure:
     """One body condensed onto the DOFs that contact needs; of a rigid body all that it has.
 
@@ -222,8 +230,17 @@ class Substructure:
         return -(self._K_D.T @ x)[self.free]
 
     @once
+    def _eliminated(self) -> Eliminated:
+        return self._remembering(self._factorised())
+
+    def _remembering(self, factor: BodyFactor) -> Eliminated:
+        """Factors, with nothing known of loads."""
+        moves = LoadSpan(factor, self.body.D, self._by_supports)
+        return Eliminated(factor, LoadSpan(factor, self.free, lambda f: f), moves)
+
+    @property
     def _factor(self) -> BodyFactor:
-        return self._factorised()
+        return self._eliminated.factor
 
     def _factorised(self) -> BodyFactor:
         place = np.searchsorted(self.free, self.kept)
@@ -309,19 +326,11 @@ class Substructure:
         """Bytes of the factors."""
         return int(self._factor.memory)
 
-    @once
-    def _forces(self) -> LoadSpan:
-        return LoadSpan(self._factor, self.free, lambda f: f)
-
-    @once
-    def _moves(self) -> LoadSpan:
-        return LoadSpan(self._factor, self.body.D, self._by_supports)
-
     def unloaded(self) -> Substructure:
         """The same body, condensed once, without what is remembered of its loads."""
         twin = copy(self)
-        for remembered in ("_forces", "_moves"):
-            vars(twin).pop(remembered, None)
+        if "_eliminated" in vars(twin):
+            vars(twin)["_eliminated"] = twin._remembering(twin._factor)
         return twin
 
     @property
@@ -337,7 +346,8 @@ class Substructure:
         """
         if len(self.kept) == 0 or not isinstance(self.body, Body):
             return None
-        force, move = self._forces.components(f), self._moves.components(x)
+        known = self._eliminated
+        force, move = known.forces.components(f), known.moves.components(x)
         return None if force is None or move is None else (force, move)
 
     def along(self, components: Components) -> Array:
@@ -345,8 +355,8 @@ class Substructure:
 
         Of the directions that `components` are along.
         """
-        force, move = components
-        return np.concatenate([self._forces.along(len(force)), self._moves.along(len(move))], axis=1)
+        known, (force, move) = self._eliminated, components
+        return np.concatenate([known.forces.along(len(force)), known.moves.along(len(move))], axis=1)
 
     def load(self, f: Array, x: Array) -> Array:
         """Load on the kept DOFs, those of the interior and of prescribed DOFs included, (n_c,)."""
@@ -379,8 +389,9 @@ class Substructure:
         loads : sequence of (f, x)
         """
         # forces and moves at once: BLAS is slow with a single direction, as most histories have of each
-        forces = self._forces.eliminated
-        along, moves = np.concatenate([forces, self._moves.eliminated], axis=1), forces.shape[1]
+        known = self._eliminated
+        forces = known.forces.eliminated
+        along, moves = np.concatenate([forces, known.moves.eliminated], axis=1), forces.shape[1]
         C = np.zeros((along.shape[1], len(components)))
         for column, c in zip(C.T, components, strict=True):
             if c is not None:  # steps may know fewer directions than later ones
