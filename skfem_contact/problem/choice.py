@@ -125,6 +125,11 @@ class Choice:
         fits = self.chooses and self._factor_bound <= self.limits.factors
         return fits and self.dense_bytes <= self.limits.dense
 
+    @property
+    def way(self) -> tuple[str, bool]:
+        """Return what a model is made for: the route, and whether few steps are to come."""
+        return self.route, self.few_steps
+
     def expecting(self, steps: float) -> Choice:
         """The same with more load steps to come."""
         new = copy(self)
