@@ -26,7 +26,7 @@ from skfem_contact.bodies.system import System, slices
 from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.linalg.backend import Backend, BodyFactor
 from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
-from skfem_contact.linalg.direct import Direct
+from skfem_contact.linalg.direct import Direct, IndefiniteFactor
 from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
 from skfem_contact.linalg.thresholds import NO_PIVOT
 from skfem_contact.once import Lock, once
@@ -248,8 +248,6 @@ class Substructure:
             return self._backend.condensed(self.body, self.K, self.free, place)
         except LinAlgError as error:
             if self.body.nonlinear:  # on the way of Newton's method, or of a body that buckles
-                from skfem_contact.linalg.indefinite import IndefiniteFactor
-
                 self.shaky = True
                 K = csr_matrix(self.K[self.free][:, self.free])
                 return IndefiniteFactor(K, self.body.dof_points[self.free], place)
