@@ -258,7 +258,7 @@ class Choice:
         out, wanted = {}, self._wanted()
         for i, (name, K) in enumerate(zip(self.system.names, self.stiffness, strict=True)):
             body = self.system.bodies[i]
-            mine = wanted_of(body, self.system, wanted)
+            mine = wanted_of(body, self.system.slice(body), wanted)
             if len(mine):
                 out[name] = kind(body, K, mine, modes=self.system.modes(i)).factor_size()
         return out

@@ -39,8 +39,6 @@ class HeldRows:
         All rows but `gaps` and `slips`.
     rubbing, pressing : ndarray of int, share : ndarray
         Rows whose friction follows the normal force, on which row that is, and how much of it.
-    gives : bool
-        Whether any point has a spring.
     bare : ndarray of bool, shape (m, d-1), or None
         Tangents along which there is only the law, as they have no row; None where all have one.
     """
@@ -62,7 +60,6 @@ class HeldRows:
         self.rubbing = space.tangential_rows[follows]
         self.pressing = space.normal_rows[np.nonzero(follows)[0]]
         self.share = conditions.coupling[follows]
-        self.gives = conditions.gives
         self.bare = None if has_slip.all() else self.rubs[:, None] & ~has_slip
 
 
@@ -177,7 +174,7 @@ class PointSpace:
         z[rows.slips] = (conditions.anchor - load.slip0)[rows.stick]
         # friction of what slides, as far as it follows from what is held; springs begin at anchors
         known = conditions.offset
-        if rows.gives:
+        if conditions.gives:
             beyond = load.slip0 - conditions.anchor
             z[rows.sliding] = -beyond[rows.slides]
             given = np.where(rows.slides, 0.0, beyond)  # along tangents that supports prescribe
@@ -235,7 +232,7 @@ class PointSpace:
         held[rows.stick] = base[rows.slips]
         known = np.zeros(slip.shape)
         known[rows.slides] = -r[rows.sliding]
-        if rows.gives:
+        if conditions.gives:
             held[rows.slides] = base[rows.sliding]
             given = np.einsum("ikl,ik->il", conditions.spring, known)
             held -= np.where(rows.slides, 0.0, given)
@@ -253,7 +250,7 @@ class PointSpace:
         where[free] = np.arange(len(free))
         At = self.S[np.ix_(free, free)]  # transposed, as LAPACK has it
         t = self.tangential_rows.shape[1]
-        for k, j in np.ndindex(t, t) if rows.gives else ():
+        for k, j in np.ndindex(t, t) if conditions.gives else ():
             on = rows.slides[:, k] & rows.slides[:, j]
             row, column = where[self.tangential_rows[on, k]], where[self.tangential_rows[on, j]]
             At[column, row] += conditions.spring[on, k, j]
@@ -275,10 +272,10 @@ class PointSpace:
         tangential[rows.stick] = -p[rows.slips]
         # with its part along a tangent whose slip supports prescribe, for which there is no row
         way = slip
-        if rows.gives:  # springs are stiff: whole slips have lost the digits of what they give
+        if conditions.gives:  # springs are stiff: whole slips have lost the digits of what they give
             way = slip - conditions.anchor
             way[rows.slides] = since[rows.sliding]
-        friction = friction_force(conditions, way, normal_force, rows.gives)
+        friction = friction_force(conditions, way, normal_force)
         tangential[rows.rubs] = friction[rows.rubs]
         return Response(gap, slip, normal_force, tangential, z)
 

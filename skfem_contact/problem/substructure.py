@@ -429,7 +429,7 @@ def anchors(body: Body, wanted: Index, modes: Array) -> Index:
             if len(values) == modes.shape[1] and values[-1] > HELD_FIRMLY * values[0]:
                 break
             if count < body.dim:
-                distance = np.min([sizes(points - seed) for seed in seeds], axis=0)
+                distance = np.min(sizes(points - seeds[:, None]), axis=0)
                 distance = distance / distance.max() + (mine & ~touched)
             else:  # those lie nearly on a line: what moves most in the motion that is held least
                 _, motions = np.linalg.eigh(modes[held].T @ modes[held])
@@ -488,7 +488,7 @@ class Substructures(Generic[S]):
             part = reuse[i] if len(reuse) else None
             if not isinstance(part, self.kind):
                 firm = firmness(system, stiffness, wanted) if len(body.rotations) else 0.0
-                mine = wanted_of(body, system, wanted)
+                mine = wanted_of(body, self.spans[i], wanted)
                 part = self.kind(body, stiffness[i], mine, firm, self.backend, system.modes(i))
             self.substructures.append(part)
         parts = zip(self.substructures, self.spans, strict=True)
@@ -498,9 +498,8 @@ class Substructures(Generic[S]):
         self.P = block_diagonal([part.P for part in self.substructures])
 
 
-def wanted_of(body: Member, system: System, wanted: Index) -> Index:
+def wanted_of(body: Member, span: slice, wanted: Index) -> Index:
     """Of stacked DOFs those of one body that are not prescribed, in its own numbering."""
-    span = system.slice(body)
     chosen = np.zeros(body.n, dtype=bool)
     chosen[wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start] = True
     chosen[body.D] = False
