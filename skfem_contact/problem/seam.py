@@ -41,7 +41,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
-from scipy.sparse.linalg import norm
 
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.kinematics import (
@@ -242,11 +241,11 @@ class OnContactDofs(ContactProblem):
 
     def _changing_rows(self, on: PosedOn) -> tuple[csr_matrix, Index, Index]:
         kin, m, t = self.rows, len(on.kin.paired), on.kin.tangents
-        normal = np.flatnonzero(kin.paired & (norm(kin.B_n, axis=1) > GIVEN))
+        normal = np.flatnonzero(kin.paired & (_row_sizes(kin.B_n) > GIVEN))
         tangential, rows = np.zeros(0, dtype=np.intp), [_chosen(kin.B_n, normal)]
         if self.slips:
             may_slip = np.repeat(kin.paired & on.slipping, t)
-            tangential = np.flatnonzero(may_slip & (norm(kin.B_t, axis=1) > GIVEN))
+            tangential = np.flatnonzero(may_slip & (_row_sizes(kin.B_t) > GIVEN))
             rows.append(_chosen(kin.B_t, tangential))
         normal_rows, tangential_rows = np.full(m, -1), np.full(m * t, -1)
         normal_rows[normal] = np.arange(len(normal))
@@ -290,6 +289,12 @@ class OnContactDofs(ContactProblem):
     def on_rows(self, normal: Array, tangential: Array) -> Array:
         """Values of points (m,) and of their tangents (m, d-1), on the q rows that there are."""
         return on_rows((normal, tangential), self.normal_rows, self.tangential_rows, self.q)
+
+
+def _row_sizes(B: csr_matrix) -> Array:
+    """Euclidean norm of each row; SciPy's takes twenty times as long for a few rows."""
+    row = np.repeat(np.arange(B.shape[0]), np.diff(B.indptr))
+    return np.sqrt(np.bincount(row, B.data**2, B.shape[0]))
 
 
 def _chosen(B: csr_matrix, rows: Index) -> csr_matrix:
