@@ -41,7 +41,7 @@ else:
             for name in later.names():
                 setattr(cls, name, NotMade(later, name))
             if parameters.get("frozen", False):
-                cls.__setattr__, cls.__delattr__ = _refuse_set, _refuse_delete
+                _freeze(cls)
             return cls
 
         return waits if given is None else waits(given)
@@ -99,9 +99,20 @@ class NotMade:
         return getattr(owner if instance is None else instance, self.name)
 
 
-def _refuse_set(self: Any, name: str, value: Any) -> None:
-    raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
+def _freeze(cls: type[Any]) -> None:
+    """Fields stay as they are; classes of users that derive from this one may set others."""
 
+    def refused(instance: Any, name: str) -> bool:
+        return type(instance) is cls or name in cls.__dataclass_fields__
 
-def _refuse_delete(self: Any, name: str) -> None:
-    raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
+    def set_(instance: Any, name: str, value: Any) -> None:
+        if refused(instance, name):
+            raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
+        super(cls, instance).__setattr__(name, value)
+
+    def delete(instance: Any, name: str) -> None:
+        if refused(instance, name):
+            raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
+        super(cls, instance).__delattr__(name)
+
+    cls.__setattr__, cls.__delattr__ = set_, delete  # type: ignore[assignment]
