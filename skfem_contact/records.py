@@ -34,6 +34,17 @@ else:
         Traceback (most recent call last):
             ...
         dataclasses.FrozenInstanceError: cannot assign to field 'x'
+
+        `help` shows a class before its first instance:
+
+        >>> import pydoc
+        >>> @dataclass
+        ... class Rod:
+        ...     E: float = dataclasses.field(init=False)
+        ...
+        ...     def __init__(self) -> None: ...
+        >>> "Rod" in pydoc.render_doc(Rod)
+        True
         """
 
         def waits(cls: type[Any]) -> type[Any]:
@@ -56,6 +67,9 @@ class _Later:
 
     def __init__(self, cls: type[Any], parameters: dict[str, Any]) -> None:
         self.cls, self.parameters = cls, parameters
+        self.fields = {k: v for k, v in vars(cls).items() if isinstance(v, dataclasses.Field)}
+        for name in self.fields:  # no attribute of the class, which `help` would ask for
+            delattr(cls, name)
 
     def names(self) -> list[str]:
         """Return the names of methods and fields that have to be made."""
@@ -73,13 +87,12 @@ class _Later:
             if not stubs:
                 return
             left = {*stubs, *REFUSES, "__dict__", "__weakref__"}
-            body = {name: value for name, value in own.items() if name not in left}
+            body = self.fields | {name: value for name, value in own.items() if name not in left}
             metaclass: Any = type(self.cls)
             twin = metaclass(self.cls.__name__, self.cls.__bases__, body)
             made = vars(dataclasses.dataclass(**self.parameters)(twin))
-            for name, value in own.items():
-                if isinstance(value, dataclasses.Field):  # defaults stand in the class
-                    setattr(self.cls, name, made[name]) if name in made else delattr(self.cls, name)
+            for name in self.fields.keys() & made.keys():  # defaults stand in the class
+                setattr(self.cls, name, made[name])
             for name in stubs:  # the constructor last, for which threads wait here
                 setattr(self.cls, name, own[name].then(made[name]))
 

@@ -217,7 +217,7 @@ def test_a_square_led_round_a_corner_is_refused_by_name(method):
 
 
 def test_refusals_without_corners_blame_none():
-    """A disc on a round hill has no corner: where its pairing may not settle, the point is named alone."""
+    """A disc on a hill has no corner: where its pairing may not settle, the point is named alone."""
     tool = ring()
     disc = sc.Body(tool, elastic(1.0), D="inner", name="disc")
     ground = sc.RigidCylinder((HOME[0], -5.0), 5.0)
