@@ -480,7 +480,7 @@ def in_space(normal, friction, slip, status, direction, noise=0.0, stiffness=np.
 
 
 def test_friction_off_the_direction_of_a_small_slip_is_seen():
-    """The largest slip counts as much as the largest force, where the resistance makes nothing of it."""
+    """The largest slip counts as much as the largest force, where resistances make nothing of it."""
     off, bound = 0.1, 2.0 * MU
     friction = bound * np.array([np.cos(off), np.sin(off)])
     one, current, response = in_space(2.0, friction, [1e-9, 0.0], SLIP, [1.0, 0.0])
