@@ -85,15 +85,18 @@ def test_samples_of_a_box_are_those_of_all_that_lie_in_it() -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 1.0])
-def test_points_beside_the_boundary_are_no_farther_than_said(share: float) -> None:
-    """One simplex may leave some out, and says of none that is farther that it is near."""
+def test_inner_points_are_all_that_lie_deeper_than_said(share: float) -> None:
+    """What one simplex shows to be next to the boundary is left out, and nothing that is deeper."""
     rng = np.random.default_rng(3)
     corners = ball(rng, 1)
     hull, at = Boundary(corners, corners[:, 0]), corners.reshape(-1, 3)
     points = rng.uniform(at.min(axis=0), at.max(axis=0), (200, 3))
-    distance = hull.distance(points)
-    length = share * distance.max()
-    near = hull.beside(points, length)
-    assert np.all(distance[near] <= length)
-    assert near.any() == (share > 0)
-    assert not hull.beside(np.zeros((0, 3)), length).size
+    depth = hull.depth(points)
+    length = share * depth.max()
+    inner, deep = hull.inner(points, length)
+    np.testing.assert_allclose(deep, hull.depth(inner), rtol=1e-12)
+    assert (len(inner) > 0) == (share < 1) and np.all(deep > 0)
+    assert np.isin(points[depth > length, 0], inner[:, 0]).all()
+    assert share == 0 or len(inner) < np.count_nonzero(depth)
+    for none in (np.zeros((0, 3)), 50 + points):
+        assert [len(found) for found in hull.inner(none, length)] == [0, 0]

@@ -389,6 +389,6 @@ def test_single_threaded():
         return [pool["num_threads"] for pool in info if pool["user_api"] == "blas"]
 
     before = number()
-    with single_threaded():
+    with single_threaded:
         assert set(number()) <= {1}
     assert number() == before

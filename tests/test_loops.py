@@ -479,6 +479,18 @@ def in_space(normal, friction, slip, status, direction, noise=0.0, stiffness=np.
     return one, current, Response(np.zeros(1), *state, np.zeros(3))
 
 
+def test_friction_off_the_direction_of_a_small_slip_is_seen():
+    """The largest slip counts as much as the largest force, where resistances make nothing of it."""
+    off, bound = 0.1, 2.0 * MU
+    friction = bound * np.array([np.cos(off), np.sin(off)])
+    one, current, response = in_space(2.0, friction, [1e-9, 0.0], SLIP, [1.0, 0.0])
+    wrong, residual = Projection(one, response).violations(current, 1e-6)
+    assert not wrong.any()
+    pushed = friction + np.array([2.0, 0.0])  # the slip, as large as the largest force
+    left = friction - bound * pushed / np.linalg.norm(pushed)
+    assert_allclose(residual, np.linalg.norm(left) / 2.0, rtol=1e-12)
+
+
 @pytest.mark.parametrize(("noise", "status"), [(1.0, STICK), (1e-9, SLIP)])
 def test_what_sticks_slips_only_where_forces_are_more_than_noise(noise, status):
     """A point that sticks and has slipped: where all forces are round-off that does not let it go."""

@@ -346,7 +346,7 @@ def test_directions_that_two_threads_add(places):
     """While one waits to add a direction the other has added one, at the same DOFs or at others."""
     body = plane().system.bodies[0]
     part = Substructure(body, body.K, body.surface("bottom").dofs.ravel())
-    span, own, other = part._forces, np.zeros(body.n), np.zeros(body.n)
+    span, own, other = part._eliminated.forces, np.zeros(body.n), np.zeros(body.n)
     known = np.zeros(body.n)
     known[part.free[:4]] = 1.0
     span.components(known)
@@ -532,7 +532,7 @@ def test_blas_has_one_thread_until_the_last_has_left():
         before = threads_of_blas()
         if before == {1}:
             pytest.skip("this BLAS has one thread in any case")
-        first, second = single_threaded(), single_threaded()
+        first = second = single_threaded
         first.__enter__()
         second.__enter__()
         first.__exit__(None, None, None)
@@ -541,7 +541,7 @@ def test_blas_has_one_thread_until_the_last_has_left():
         assert threads_of_blas() == before
 
         def limited(_):
-            with single_threaded(), single_threaded():
+            with single_threaded, single_threaded:
                 return threads_of_blas()
 
         assert set().union(*at_once(limited, range(64))) == {1}

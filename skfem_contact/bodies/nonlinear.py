@@ -16,8 +16,7 @@ from skfem_contact.arguments import check_switch, shown, with_known_keywords
 from skfem_contact.arrays import Array, check_finite, check_size, rectangular
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.boundaries import boundary_dofs
-from skfem_contact.bodies.continuum import Continuum
-from skfem_contact.bodies.forms import Differentiated, Forms
+from skfem_contact.bodies.equations import Continuum, Differentiated, Forms
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points
 from skfem_contact.bodies.linearizable import Linearized, State

@@ -265,7 +265,7 @@ def _warn_penetration(contact: Contact, name: str, gap: Array, small: float) -> 
 
 def _warn_overlap(contact: Contact, name: str, gap: Array, interference: Array) -> None:
     """Overlaps, by the meshes or an interference, as large as the bodies."""
-    deepest = max(largest(-gap), largest(interference))
+    deepest = largest(np.maximum(-gap, interference))
     if deepest == 0.0:
         return
     size = _smaller_extent(contact)

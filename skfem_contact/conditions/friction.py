@@ -25,7 +25,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import KW_ONLY
 from functools import cached_property, partial
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -172,7 +172,9 @@ class FrictionLaw(PrintedAsCall):
         array([[ 0.128, -0.096],
                [-0.096,  0.072]])
         """
-        return map_by_bound(self, trial, normal_force, area, slip)
+        given = normal_force, area, slip
+        bounds = partial(self.limit, normal_force, area)
+        return map_by_bound(trial, np.asarray(self.limit(*given)), self.slope(*given), slip, bounds)
 
 
 @with_known_keywords(f="the coefficient of friction is mu", coefficient="write mu")
@@ -404,14 +406,6 @@ class Derivatives(NamedTuple):
 Mapped = tuple[Array, Mask, Derivatives]
 
 
-class Bound(Protocol):
-    """A law by its bound; see `FrictionLaw`."""
-
-    def limit(self, normal_force: Array, area: Array, slip: Array, /) -> Array: ...
-
-    def slope(self, normal_force: Array, area: Array, slip: Array, /) -> Array: ...
-
-
 def radial_return(trial: Array, limit: Array) -> tuple[Array, Mask]:
     """Bring a trial friction force back onto the friction cone ([M] eq. (11)).
 
@@ -444,19 +438,18 @@ def radial_return(trial: Array, limit: Array) -> tuple[Array, Mask]:
 
 
 def map_by_bound(
-    law: Bound, trial: Array, normal_force: Array, area: Array, slip: Array, hardens: bool = True
+    trial: Array, limit: Array, slope: Array, slip: Array, at: Callable[[Array], Array] | None
 ) -> Mapped:
     """The return map of a law that is given by its bound; see `FrictionLaw.return_map`.
 
     Parameters
     ----------
-    law : Bound
     trial, slip : ndarray, shape (m, d-1)
-    normal_force, area : ndarray, shape (m,)
-    hardens : bool
-        Whether the bound depends on the slip.
+    limit, slope : ndarray, shape (m,)
+        The bounds, and their derivatives by the normal force.
+    at : callable or None
+        Gives the bounds (m,) at a slip (m, d-1), if they depend on it.
     """
-    limit = np.asarray(law.limit(normal_force, area, slip))
     if trial.shape[1] == 1:  # nothing turns: along the only tangent what slips has its bound
         force, slips = radial_return(trial, limit)
         direction, by_trial = np.sign(trial) * slips[:, None], (~slips)[:, None, None].astype(float)
@@ -468,11 +461,10 @@ def map_by_bound(
         direction = np.divide(trial, size[:, None], out=np.zeros(trial.shape), where=slips[:, None])
         by_trial = np.eye(trial.shape[1]) - direction[:, :, None] * direction[:, None, :]
         by_trial *= kept[:, :, None]
-    by_normal = law.slope(normal_force, area, slip)[:, None] * direction
+    by_normal = slope[:, None] * direction
     by_slip = np.zeros(by_trial.shape)
-    if hardens:
-        ask = partial(law.limit, normal_force, area)
-        by_slip = direction[:, :, None] * slip_gradient(ask, limit, slip, direction)[:, None, :]
+    if at is not None:
+        by_slip = direction[:, :, None] * slip_gradient(at, limit, slip, direction)[:, None, :]
     return force, slips, Derivatives(by_trial, by_normal, by_slip)
 
 

@@ -8,7 +8,7 @@ certificate, the pictures; and the loops, which ask for all points at once by `F
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -137,7 +137,9 @@ class CheckedLaw(ByFields):
             or forces of another size than its own bound.
         """
         if self.by_bound:
-            return map_by_bound(self, trial, normal_force, area, slip, hardens=not self.steady)
+            given = normal_force, area, slip
+            at = None if self.steady else partial(self.limit, normal_force, area)
+            return map_by_bound(trial, self.limit(*given), self.slope(*given), slip, at)
         return self._own_map(trial, normal_force, area, slip)
 
     @cached_property

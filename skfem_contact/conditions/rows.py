@@ -286,12 +286,6 @@ def columns_of(B: csr_matrix, span: slice) -> csr_matrix:
     return with_columns(B, place, span.stop - span.start)
 
 
-def row_sizes(B: csr_matrix) -> Array:
-    """Euclidean norm of each row."""
-    row, _, value = entries(B)
-    return np.sqrt(np.bincount(row, value**2, B.shape[0]))
-
-
 def tangential_matrix(B_t: csr_matrix, spring: Array) -> csr_matrix:
     r"""Sum of the tangential contact elements of all points, ``K_t = B_t' diag(G) B_t``.
 

@@ -148,7 +148,7 @@ def gradient(
     tangents, value, given = _linearised(results, objective, by, "the objective")
     weights, after = weights_of([tangent.answer for tangent in tangents], given), Values()
     loads, parts = any(p.kind in LOADS for p in by), list[list[Any]]()
-    with single_threaded():
+    with single_threaded:
         for tangent, own in zip(reversed(tangents), reversed(weights), strict=True):
             duals, after = backward(tangent, own, after, loads)
             parts.insert(0, [contracted(p, tangent, duals) for p in by])

@@ -350,7 +350,7 @@ def _find_sources(some: Sequence[Recovery]) -> None:
 def _recovered(some: Sequence[Recovery]) -> list[Array]:
     """Displacements of all bodies for recoveries of one model and kind."""
     bodies = some[0].model.bodies
-    with single_threaded():
+    with single_threaded:
         sources = Source(np.column_stack([r.source.values for r in some]), some[0].source.forces)
         components = [r.components for r in some]
         u: list[Array] = bodies.recover(sources, components, [r.case for r in some])

@@ -50,6 +50,7 @@ from skfem_contact.records import dataclass
 if TYPE_CHECKING:
     from skfem_contact.history.checkpoint import SavedState
     from skfem_contact.history.equilibrium import Known
+    from skfem_contact.history.neutral_equilibrium import Rest
     from skfem_contact.history.nonlinear import NonlinearSearch
 
 
@@ -124,10 +125,13 @@ class StepSolver(ByFields):
         verdict = found.find()
         if not verdict.reached:
             raise verdict.error(self.stepper.loop, None)
-        result = self._answer(found, verdict, time.perf_counter() - begin)
+        last = found.last
+        rest = last.settled
+        places = _places(last, rest, model.interface)
+        result = self._answer(found, verdict, places, time.perf_counter() - begin)
         arrived = verdict.arrived
         if arrived:
-            leaning = second_order(found.advance.attempt) if found.last.settled is None else {}
+            leaning = second_order(found.advance.attempt) if rest is None else {}
             self.watch.look(result, issued, leaning)
             _tell(result, getattr(found, "remarks", {}))
         if arrived or not throw:
@@ -205,7 +209,11 @@ class StepSolver(ByFields):
         return start.identity is geometry.identity
 
     def _answer(
-        self, found: EquilibriumSearch | NonlinearSearch, verdict: Verdict, seconds: float
+        self,
+        found: EquilibriumSearch | NonlinearSearch,
+        verdict: Verdict,
+        places: tuple[str, ...],
+        seconds: float,
     ) -> Answer:
         way = found.advance
         attempt, recovery = way.attempt, found.recovery
@@ -245,7 +253,7 @@ class StepSolver(ByFields):
             conditions=attempt.outcome.iterate.conditions,
             factor=found.step.target.factor,
             linear=model.choice.said,
-            indifferent=_places(found.last, self.stepper.model.interface),
+            indifferent=places,
             before=attempt.start,
             parts=way.substeps,
             springs=attempt.problem.springs is not None,
@@ -255,9 +263,9 @@ class StepSolver(ByFields):
         )
 
 
-def _places(found: EquilibriumSearch, interface: Interface) -> tuple[str, ...]:
-    """Return what is to be said of bodies that may stand elsewhere."""
-    rest, grip = found.settled, found.grip
+def _places(found: EquilibriumSearch, rest: Rest | None, interface: Interface) -> tuple[str, ...]:
+    """Return what is to be said of bodies that may stand elsewhere; `rest` as `found.settled`."""
+    grip = found.grip
     if rest is not None and rest.free.shape[1]:
         return found.model.motions.indifferent(rest.free, rest.why)
     if rest is not None:  # found on weak springs, and held by what carries
@@ -305,7 +313,7 @@ def second_order(attempt: Attempt) -> dict[str, float]:
         return {}
     problem, seen = attempt.problem, attempt.seen
     load, response = attempt.load, attempt.outcome.iterate.response
-    with single_threaded():
+    with single_threaded:
         source = problem.source(load, response)
         u = problem.surface(source, attempt.posed(seen))
         origin = 0.0 if attempt.origin is None else attempt.origin.u

@@ -119,7 +119,7 @@ class Stepper(ByFields):
         moved = max(self.model.moves(target))
         softest = min(self.model.stiffest)  # the bodies' own K may have been replaced
         noise = NOISE * max(target.largest_force, softest * moved)
-        with single_threaded():
+        with single_threaded:
             seen = geometry.case(kin, problem.u, target, last, to.before)
             counted = seen if to.origin is None else to.origin.seen(seen, kin, self.model)
             load = problem.load(counted)

@@ -3,7 +3,6 @@
 * `backend`: the interface of a solver, and what contact needs of a factorised body;
 * `direct`, `amg`: the ones that come with the library;
 * `multifrontal`: Cholesky factorisation that leaves a Schur complement;
-* `indefinite`: the same of a matrix that is not positive definite;
 * `dense_factors`: factors of dense matrices, the one place that calls LAPACK for them, matrices changed
   in place, and least squares with a bound;
 * `krylov`: iterations for unsymmetric equations, and secants for fixed points;

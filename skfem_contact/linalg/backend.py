@@ -195,7 +195,7 @@ class Backend:
         """
         if A.ndim != 2 or A.shape[0] != A.shape[1]:
             raise InputError(f"A of shape {A.shape} is not square: pass the matrix of a system.")
-        with single_threaded():
+        with single_threaded:
             return self._factorize(A, points, modes, spd)
 
     def _factorize(

@@ -19,8 +19,11 @@ from skfem_contact.records import dataclass
 MODULES = tuple(suffix for suffix in EXTENSION_SUFFIXES if suffix.count(".") > 1)
 
 
-class _Alone:
+class SingleThreaded:
     """The time in which BLAS has one thread: from the first who asks for it to the last who leaves.
+
+    The dense blocks of contact problems are small: two threads spend their time waiting for each
+    other and cost up to 30 times the CPU.
 
     The setting is one of the process as a rule. If everyone who came set it and took it back, one of
     two Python threads would take back what the other still needs, and the other leave one thread for
@@ -80,16 +83,8 @@ def _give_back(taken: list[tuple[Any, int]]) -> None:
         _set(*taken.pop())
 
 
-ALONE = _Alone()
-
-
-def single_threaded() -> _Alone:
-    """Limit BLAS to one thread, as long as anyone in this process is where it has to be.
-
-    The dense blocks of contact problems are small: two threads spend their time waiting for each
-    other and cost up to 30 times the CPU.
-    """
-    return ALONE
+#: One for the process: BLAS has one thread as long as anybody is ``with`` it.
+single_threaded = SingleThreaded()
 
 
 @lru_cache(maxsize=1)

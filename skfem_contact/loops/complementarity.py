@@ -49,16 +49,14 @@ class Projection:
     step : Step
     response : Response
         Gaps, slips and forces of the state.
-    rho : Resistance, optional
-        Each point's own resistance, as far as the step knows it if not given.
     """
 
-    def __init__(self, step: Step, response: Response, rho: Resistance | None = None) -> None:
+    def __init__(self, step: Step, response: Response) -> None:
         self.step, self.response = step, response
         # the slip of this step, (m, d-1) [length]
         self.moved = response.slip - step.last.slip
         self.force_scale = largest_force(response)
-        self.rho = rho = rho or step.resistance or self._alike()
+        self.rho = rho = step.resistance or self._alike()
         self.gap_scale = approach(step, response)
         # the normal force ``a`` that the state asks for, negative where it asks for none, (m,)
         self.pressing = response.normal_force - rho.normal * response.gap
@@ -102,8 +100,11 @@ class Projection:
     @cached_property
     def pushing(self) -> Array:
         """The trial friction force ``t``, (m, d-1) [force]."""
+        return self._pushing(self.rho.tangential)
+
+    def _pushing(self, resistance: Array) -> Array:
         step, response, moved = self.step, self.response, self.moved
-        trial = response.tangential_force + self.rho.tangential[:, None] * moved
+        trial = response.tangential_force + resistance[:, None] * moved
         if self.driven is not None:
             along = moved / np.where(self.driven, lengths(moved), 1.0)[:, None]
             trial = np.where(self.driven[:, None], BEYOND * along, trial)
@@ -184,16 +185,20 @@ class Projection:
     @cached_property
     def left_over(self) -> tuple[Array, Array]:
         """Return what is left of both equations at every point, (m,) and (m, d-1) [force]."""
+        return self.response.normal_force - self.closed[1], self._left_along()
+
+    def _left_along(self, resistance: Array | None = None) -> Array:
+        """What is left along the tangents, (m, d-1); by other resistances where they are given."""
         step, response = self.step, self.response
-        closed, force = self.closed
-        normal = response.normal_force - force
         if not (step.friction.laws or step.closed_for_good is not None):
-            return normal, np.zeros(response.slip.shape)
-        friction, _ = step.friction.project(self.pushing, force, response.slip)
+            return np.zeros(response.slip.shape)
+        trial = self.pushing if resistance is None else self._pushing(resistance)
+        closed, force = self.closed
+        friction, _ = step.friction.project(trial, force, response.slip)
         if step.closed_for_good is not None:
-            friction = np.where(step.tied[:, None], self.pushing, friction)
+            friction = np.where(step.tied[:, None], trial, friction)
         tangential = response.tangential_force - np.where(closed[:, None], friction, 0.0)
-        return normal, np.where(step.modelled[:, None], tangential, 0.0)
+        return np.where(step.modelled[:, None], tangential, 0.0)
 
     @cached_property
     def left(self) -> float:
@@ -226,8 +231,7 @@ class Projection:
         if scale <= step.noise:
             return wrong, 0.0
         if slip_scale > 0.0 and not np.count_nonzero(wrong):
-            stretched = Resistance(rho.normal, np.maximum(rho.tangential, scale / slip_scale))
-            turned = Projection(step, response, stretched).left_over[1]
+            turned = self._left_along(np.maximum(rho.tangential, scale / slip_scale))
             left = np.maximum(left, lengths(turned))
         return wrong, float(left.max(initial=0.0) / scale)
 

@@ -1,12 +1,11 @@
 """Materials: stress, its derivative and internal variables at points of integration.
 
-* `material`: what a material is, and one's own from a function;
+* `material`: what a material is, and one's own from a function, also of felupe's signature;
 * `tensors`: second-order tensors at many points;
 * `elastic`: linear elasticity;
 * `plasticity`: J2, metals that yield;
 * `logarithmic`: laws of small strains at large ones;
-* `hyperelastic`: neo-Hooke, Mooney-Rivlin, St. Venant-Kirchhoff;
-* `felupe`: materials written for felupe.
+* `hyperelastic`: neo-Hooke, Mooney-Rivlin, St. Venant-Kirchhoff.
 
 Arrays have their components first, then elements and points of integration, as in scikit-fem's forms.
 All names below are public.
@@ -18,10 +17,10 @@ from skfem_contact.entrances import entrances
 
 if TYPE_CHECKING:
     from skfem_contact.materials.elastic import Elastic as Elastic
-    from skfem_contact.materials.felupe import FromFelupe as FromFelupe
     from skfem_contact.materials.hyperelastic import MooneyRivlin as MooneyRivlin
     from skfem_contact.materials.hyperelastic import NeoHooke as NeoHooke
     from skfem_contact.materials.hyperelastic import SaintVenantKirchhoff as SaintVenantKirchhoff
+    from skfem_contact.materials.material import FromFelupe as FromFelupe
     from skfem_contact.materials.material import FromFunction as FromFunction
     from skfem_contact.materials.material import Material as Material
     from skfem_contact.materials.material import Split as Split
@@ -44,9 +43,8 @@ __getattr__, __dir__ = entrances(
     __all__,
     {
         "elastic": "Elastic",
-        "felupe": "FromFelupe",
         "hyperelastic": "MooneyRivlin NeoHooke SaintVenantKirchhoff",
-        "material": "FromFunction Material Split",
+        "material": "FromFelupe FromFunction Material Split",
         "plasticity": "J2",
     },
 )

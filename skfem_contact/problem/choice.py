@@ -125,6 +125,11 @@ class Choice:
         fits = self.chooses and self._factor_bound <= self.limits.factors
         return fits and self.dense_bytes <= self.limits.dense
 
+    @property
+    def way(self) -> tuple[str, bool]:
+        """Return what a model is made for: the route, and whether few steps are to come."""
+        return self.route, self.few_steps
+
     def expecting(self, steps: float) -> Choice:
         """The same with more load steps to come."""
         new = copy(self)
@@ -253,7 +258,7 @@ class Choice:
         out, wanted = {}, self._wanted()
         for i, (name, K) in enumerate(zip(self.system.names, self.stiffness, strict=True)):
             body = self.system.bodies[i]
-            mine = wanted_of(body, self.system, wanted)
+            mine = wanted_of(body, self.system.slice(body), wanted)
             if len(mine):
                 out[name] = kind(body, K, mine, modes=self.system.modes(i)).factor_size()
         return out

@@ -194,11 +194,9 @@ class LinearModel:
         """
         with self._lock:
             choice = self.choice.expecting(steps)
-            if self._bodies is not None:
-                same = choice.route == self.route
-                if not same or choice.few_steps != self.choice.few_steps:
-                    reuse = self.substructures if same else ()
-                    return self._like(reuse=reuse, steps=choice.steps)
+            if self._bodies is not None and (new := choice.way) != (old := self.choice.way):
+                reuse = self.substructures if new[0] == old[0] else ()
+                return self._like(reuse=reuse, steps=choice.steps)
             self.choice = choice
             return self
 
@@ -242,7 +240,7 @@ class LinearModel:
                 if self._bodies is None:
                     self._check_support()
                     start = time.perf_counter()
-                    with single_threaded():
+                    with single_threaded:
                         made = self._made(self.route)
                     self.timings["condensation"] = time.perf_counter() - start
                     self._bodies = made
@@ -305,7 +303,7 @@ class LinearModel:
         bodies = self.bodies
         seal(self.kin if kin is None else kin)
         start = time.perf_counter()
-        with single_threaded():
+        with single_threaded:
             problem = self._attach(bodies, kin, u)
         spent = time.perf_counter() - start
         with self._lock:
@@ -352,7 +350,7 @@ class LinearModel:
         """
         if not self.condenses:
             return None
-        with single_threaded():
+        with single_threaded:
             found = self.on_points(self.problem_on(None, None))
         return found if isinstance(found, PointProblem) else None
 

@@ -5,7 +5,6 @@ Eliminating a closed point from it is deleting its row and column.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import field
 from typing import NamedTuple
 
@@ -40,8 +39,6 @@ class HeldRows:
         All rows but `gaps` and `slips`.
     rubbing, pressing : ndarray of int, share : ndarray
         Rows whose friction follows the normal force, on which row that is, and how much of it.
-    gives : bool
-        Whether any point has a spring.
     bare : ndarray of bool, shape (m, d-1), or None
         Tangents along which there is only the law, as they have no row; None where all have one.
     """
@@ -63,7 +60,6 @@ class HeldRows:
         self.rubbing = space.tangential_rows[follows]
         self.pressing = space.normal_rows[np.nonzero(follows)[0]]
         self.share = conditions.coupling[follows]
-        self.gives = conditions.gives
         self.bare = None if has_slip.all() else self.rubs[:, None] & ~has_slip
 
 
@@ -95,6 +91,40 @@ class Duals(NamedTuple):
     offset: Array
 
 
+class LoadForces:
+    """Forces h on gaps and slips of loads that say what these do where contact carries nothing.
+
+    Of the load that was asked for last they are known.
+
+    Parameters
+    ----------
+    S : ndarray, shape (q, q)
+        As of `PointSpace`.
+    A_zq : ndarray, shape (q, k)
+        What couples them with the springs on k anchors.
+    rigid : DenseFactors
+        Of ``A_qq - 1``.
+    on : ndarray of int, shape (q + k,), or None
+        The rows and anchors among those of the load.
+    """
+
+    def __init__(self, S: Array, A_zq: Array, rigid: DenseFactors, on: Index | None) -> None:
+        self._S, self._A_zq, self._rigid, self._on = S, A_zq, rigid, on
+        self._last: tuple[Load, Array] | None = None
+
+    def __call__(self, load: Load) -> Array:
+        last = self._last
+        if last is None or last[0] is not load:
+            assert load.moved is not None
+            moved, q = load.moved if self._on is None else load.moved[self._on], len(self._S)
+            # A_zz - A_zq R A_qz = S and A_zq (1 - R A_qq) = -A_zq R, with R = (A_qq - 1)^-1
+            h = self._S.dot(moved[:q])
+            if len(moved) > q:
+                h -= self._A_zq @ self._rigid.solve(moved[q:])
+            last = self._last = load, h
+        return last[1]
+
+
 @dataclass(eq=False)
 class PointSpace:
     r"""Gaps and slips as unknowns: ``S z = h + p`` with ``p = (lambda, -tau)``.
@@ -107,14 +137,14 @@ class PointSpace:
         Row of z that is the gap of a point; -1 where the gap can not change.
     tangential_rows : ndarray of int, shape (m, d-1)
         The same for the slips; -1 where a slip is not modelled (no friction) or can not change.
-    follows : callable, optional
-        Forces h (q,) of loads that say what gaps and slips do where contact carries nothing.
+    follows : LoadForces, optional
+        Forces h (q,) of loads that have none of their own.
     """
 
     S: Array
     normal_rows: NDArray[np.intp]
     tangential_rows: NDArray[np.intp]
-    follows: Callable[[Load], Array] | None = None
+    follows: LoadForces | None = None
     # rows and factor for the conditions of this key: most iterations ask for the set of the last one
     _key: object = field(default=None, repr=False)
     _rows: HeldRows | None = field(default=None, repr=False)
@@ -126,7 +156,12 @@ class PointSpace:
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Solve for the gaps and slips that the conditions leave free."""
-        return self.response(conditions, load, self.unknowns(conditions, load))
+        return self.pushed(conditions, load)[0]
+
+    def pushed(self, conditions: Conditions, load: Load, key: object = None) -> tuple[Response, Array]:
+        """The same, and the forces on gaps and slips, (q,); `key` as of `unknowns`."""
+        found = self.unknowns(conditions, load, key)
+        return self._response(conditions, load, found), found.p
 
     def unknowns(self, conditions: Conditions, load: Load, key: object = None) -> Unknowns:
         """Gaps and slips, and the forces on them.
@@ -139,7 +174,7 @@ class PointSpace:
         z[rows.slips] = (conditions.anchor - load.slip0)[rows.stick]
         # friction of what slides, as far as it follows from what is held; springs begin at anchors
         known = conditions.offset
-        if rows.gives:
+        if conditions.gives:
             beyond = load.slip0 - conditions.anchor
             z[rows.sliding] = -beyond[rows.slides]
             given = np.where(rows.slides, 0.0, beyond)  # along tangents that supports prescribe
@@ -197,7 +232,7 @@ class PointSpace:
         held[rows.stick] = base[rows.slips]
         known = np.zeros(slip.shape)
         known[rows.slides] = -r[rows.sliding]
-        if rows.gives:
+        if conditions.gives:
             held[rows.slides] = base[rows.sliding]
             given = np.einsum("ikl,ik->il", conditions.spring, known)
             held -= np.where(rows.slides, 0.0, given)
@@ -215,7 +250,7 @@ class PointSpace:
         where[free] = np.arange(len(free))
         At = self.S[np.ix_(free, free)]  # transposed, as LAPACK has it
         t = self.tangential_rows.shape[1]
-        for k, j in np.ndindex(t, t) if rows.gives else ():
+        for k, j in np.ndindex(t, t) if conditions.gives else ():
             on = rows.slides[:, k] & rows.slides[:, j]
             row, column = where[self.tangential_rows[on, k]], where[self.tangential_rows[on, j]]
             At[column, row] += conditions.spring[on, k, j]
@@ -224,7 +259,7 @@ class PointSpace:
             At[:, where[rows.rubbing[some]]] += rows.share[some] * pressing
         return factorised(At.T, symmetric=not len(rows.rubbing) and conditions.even_springs)
 
-    def response(self, conditions: Conditions, load: Load, found: Unknowns) -> Response:
+    def _response(self, conditions: Conditions, load: Load, found: Unknowns) -> Response:
         """Gaps, slips and forces of all points from the unknowns that were found last."""
         assert self._rows is not None
         rows, (z, p, since) = self._rows, found
@@ -237,10 +272,10 @@ class PointSpace:
         tangential[rows.stick] = -p[rows.slips]
         # with its part along a tangent whose slip supports prescribe, for which there is no row
         way = slip
-        if rows.gives:  # springs are stiff: whole slips have lost the digits of what they give
+        if conditions.gives:  # springs are stiff: whole slips have lost the digits of what they give
             way = slip - conditions.anchor
             way[rows.slides] = since[rows.sliding]
-        friction = friction_force(conditions, way, normal_force, rows.gives)
+        friction = friction_force(conditions, way, normal_force)
         tangential[rows.rubs] = friction[rows.rubs]
         return Response(gap, slip, normal_force, tangential, z)
 

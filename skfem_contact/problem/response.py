@@ -7,6 +7,7 @@ given linear friction law on the rest (`Conditions`), what are the gaps, slips a
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -44,7 +45,7 @@ class Conditions:
     coupling: Array
     rough: bool = False
 
-    @property
+    @cached_property
     def gives(self) -> bool:
         """Return whether any point has a spring."""
         return bool(np.count_nonzero(self.spring))
@@ -153,14 +154,9 @@ class Source:
     forces: bool
 
 
-def friction_force(
-    conditions: Conditions, moved: Array, normal_force: Array, gives: bool | None = None
-) -> Array:
-    """The linear friction law of the points that do not stick exactly, moved from their anchors.
-
-    `gives` as of `conditions`.
-    """
+def friction_force(conditions: Conditions, moved: Array, normal_force: Array) -> Array:
+    """The linear friction law of the points that do not stick exactly, moved from their anchors."""
     force = conditions.offset
-    if conditions.gives if gives is None else gives:
+    if conditions.gives:
         force = force + np.einsum("ikl,il->ik", conditions.spring, moved)
     return force + conditions.coupling * normal_force[:, None]

@@ -51,7 +51,7 @@ from skfem_contact.conditions.kinematics import (
 )
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions
-from skfem_contact.conditions.rows import row_sizes, stacked_rows
+from skfem_contact.conditions.rows import stacked_rows
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import ContactError
 from skfem_contact.problem.points import PointSpace, on_rows
@@ -240,17 +240,17 @@ class OnContactDofs(ContactProblem):
         return kin.B_n.T, kin.B_t.T if self.slips else csc_matrix((len(self.bodies.columns), 0))
 
     def _changing_rows(self, on: PosedOn) -> tuple[csr_matrix, Index, Index]:
-        kin, t = self.rows, on.kin.tangents
-        normal = np.flatnonzero(kin.paired & (row_sizes(kin.B_n) > GIVEN))
+        kin, m, t = self.rows, len(on.kin.paired), on.kin.tangents
+        normal = np.flatnonzero(kin.paired & (_row_sizes(kin.B_n) > GIVEN))
         tangential, rows = np.zeros(0, dtype=np.intp), [_chosen(kin.B_n, normal)]
         if self.slips:
             may_slip = np.repeat(kin.paired & on.slipping, t)
-            tangential = np.flatnonzero(may_slip & (row_sizes(kin.B_t) > GIVEN))
+            tangential = np.flatnonzero(may_slip & (_row_sizes(kin.B_t) > GIVEN))
             rows.append(_chosen(kin.B_t, tangential))
-        normal_rows, tangential_rows = np.full(kin.m, -1), np.full(kin.m * t, -1)
+        normal_rows, tangential_rows = np.full(m, -1), np.full(m * t, -1)
         normal_rows[normal] = np.arange(len(normal))
         tangential_rows[tangential] = len(normal) + np.arange(len(tangential))
-        return stacked_rows(rows), normal_rows, tangential_rows.reshape(kin.m, t)
+        return stacked_rows(rows), normal_rows, tangential_rows.reshape(m, t)
 
     def constant(self, case: LoadCase) -> tuple[Array, Array]:
         """Initial gaps and slips with what prescribed displacements add."""
@@ -289,6 +289,12 @@ class OnContactDofs(ContactProblem):
     def on_rows(self, normal: Array, tangential: Array) -> Array:
         """Values of points (m,) and of their tangents (m, d-1), on the q rows that there are."""
         return on_rows((normal, tangential), self.normal_rows, self.tangential_rows, self.q)
+
+
+def _row_sizes(B: csr_matrix) -> Array:
+    """Euclidean norm of each row; SciPy's takes twenty times as long for a few rows."""
+    row = np.repeat(np.arange(B.shape[0]), np.diff(B.indptr))
+    return np.sqrt(np.bincount(row, B.data**2, B.shape[0]))
 
 
 def _chosen(B: csr_matrix, rows: Index) -> csr_matrix:

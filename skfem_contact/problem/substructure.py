@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from scipy.linalg import LinAlgError
@@ -26,7 +26,7 @@ from skfem_contact.bodies.system import System, slices
 from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.linalg.backend import Backend, BodyFactor
 from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
-from skfem_contact.linalg.direct import Direct
+from skfem_contact.linalg.direct import Direct, IndefiniteFactor
 from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
 from skfem_contact.linalg.thresholds import NO_PIVOT
 from skfem_contact.once import Lock, once
@@ -162,6 +162,14 @@ def _combined(Q: Array, c: Array) -> Array:
     return Q[:, 0] * c if len(c) == 1 else np.asarray(Q @ c)
 
 
+class Eliminated(NamedTuple):
+    """The factors of a body, and what is remembered of forces and of prescribed displacements on it."""
+
+    factor: BodyFactor
+    forces: LoadSpan
+    moves: LoadSpan
+
+
 class Substructure:
     """One body condensed onto the DOFs that contact needs; of a rigid body all that it has.
 
@@ -222,8 +230,17 @@ class Substructure:
         return -(self._K_D.T @ x)[self.free]
 
     @once
+    def _eliminated(self) -> Eliminated:
+        return self._remembering(self._factorised())
+
+    def _remembering(self, factor: BodyFactor) -> Eliminated:
+        """Factors, with nothing known of loads."""
+        moves = LoadSpan(factor, self.body.D, self._by_supports)
+        return Eliminated(factor, LoadSpan(factor, self.free, lambda f: f), moves)
+
+    @property
     def _factor(self) -> BodyFactor:
-        return self._factorised()
+        return self._eliminated.factor
 
     def _factorised(self) -> BodyFactor:
         place = np.searchsorted(self.free, self.kept)
@@ -231,8 +248,6 @@ class Substructure:
             return self._backend.condensed(self.body, self.K, self.free, place)
         except LinAlgError as error:
             if self.body.nonlinear:  # on the way of Newton's method, or of a body that buckles
-                from skfem_contact.linalg.indefinite import IndefiniteFactor
-
                 self.shaky = True
                 K = csr_matrix(self.K[self.free][:, self.free])
                 return IndefiniteFactor(K, self.body.dof_points[self.free], place)
@@ -309,19 +324,11 @@ class Substructure:
         """Bytes of the factors."""
         return int(self._factor.memory)
 
-    @once
-    def _forces(self) -> LoadSpan:
-        return LoadSpan(self._factor, self.free, lambda f: f)
-
-    @once
-    def _moves(self) -> LoadSpan:
-        return LoadSpan(self._factor, self.body.D, self._by_supports)
-
     def unloaded(self) -> Substructure:
         """The same body, condensed once, without what is remembered of its loads."""
         twin = copy(self)
-        for remembered in ("_forces", "_moves"):
-            vars(twin).pop(remembered, None)
+        if "_eliminated" in vars(twin):
+            vars(twin)["_eliminated"] = twin._remembering(twin._factor)
         return twin
 
     @property
@@ -337,7 +344,8 @@ class Substructure:
         """
         if len(self.kept) == 0 or not isinstance(self.body, Body):
             return None
-        force, move = self._forces.components(f), self._moves.components(x)
+        known = self._eliminated
+        force, move = known.forces.components(f), known.moves.components(x)
         return None if force is None or move is None else (force, move)
 
     def along(self, components: Components) -> Array:
@@ -345,8 +353,8 @@ class Substructure:
 
         Of the directions that `components` are along.
         """
-        force, move = components
-        return np.concatenate([self._forces.along(len(force)), self._moves.along(len(move))], axis=1)
+        known, (force, move) = self._eliminated, components
+        return np.concatenate([known.forces.along(len(force)), known.moves.along(len(move))], axis=1)
 
     def load(self, f: Array, x: Array) -> Array:
         """Load on the kept DOFs, those of the interior and of prescribed DOFs included, (n_c,)."""
@@ -379,8 +387,9 @@ class Substructure:
         loads : sequence of (f, x)
         """
         # forces and moves at once: BLAS is slow with a single direction, as most histories have of each
-        forces = self._forces.eliminated
-        along, moves = np.concatenate([forces, self._moves.eliminated], axis=1), forces.shape[1]
+        known = self._eliminated
+        forces = known.forces.eliminated
+        along, moves = np.concatenate([forces, known.moves.eliminated], axis=1), forces.shape[1]
         C = np.zeros((along.shape[1], len(components)))
         for column, c in zip(C.T, components, strict=True):
             if c is not None:  # steps may know fewer directions than later ones
@@ -420,7 +429,7 @@ def anchors(body: Body, wanted: Index, modes: Array) -> Index:
             if len(values) == modes.shape[1] and values[-1] > HELD_FIRMLY * values[0]:
                 break
             if count < body.dim:
-                distance = np.min([sizes(points - seed) for seed in seeds], axis=0)
+                distance = np.min(sizes(points - seeds[:, None]), axis=0)
                 distance = distance / distance.max() + (mine & ~touched)
             else:  # those lie nearly on a line: what moves most in the motion that is held least
                 _, motions = np.linalg.eigh(modes[held].T @ modes[held])
@@ -479,7 +488,7 @@ class Substructures(Generic[S]):
             part = reuse[i] if len(reuse) else None
             if not isinstance(part, self.kind):
                 firm = firmness(system, stiffness, wanted) if len(body.rotations) else 0.0
-                mine = wanted_of(body, system, wanted)
+                mine = wanted_of(body, self.spans[i], wanted)
                 part = self.kind(body, stiffness[i], mine, firm, self.backend, system.modes(i))
             self.substructures.append(part)
         parts = zip(self.substructures, self.spans, strict=True)
@@ -489,9 +498,8 @@ class Substructures(Generic[S]):
         self.P = block_diagonal([part.P for part in self.substructures])
 
 
-def wanted_of(body: Member, system: System, wanted: Index) -> Index:
+def wanted_of(body: Member, span: slice, wanted: Index) -> Index:
     """Of stacked DOFs those of one body that are not prescribed, in its own numbering."""
-    span = system.slice(body)
     chosen = np.zeros(body.n, dtype=bool)
     chosen[wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start] = True
     chosen[body.D] = False

@@ -35,7 +35,7 @@ from skfem_contact.linalg.dense_factors import (
 )
 from skfem_contact.once import once
 from skfem_contact.problem import thresholds
-from skfem_contact.problem.points import NO_ROW, Duals, PointSpace
+from skfem_contact.problem.points import NO_ROW, Duals, LoadForces, PointSpace
 from skfem_contact.problem.response import Conditions, Load, Response
 from skfem_contact.problem.thresholds import FEWEST, LOOSE, SPARE
 
@@ -233,14 +233,14 @@ class Zone:
         held = np.min(self._rigid.diagonal, initial=np.inf)
         self.good = bool(keep is None or held >= LOOSE * np.max(self._A_qq, initial=0.0))
         S = without_anchors(A, self._A_zq, self._rigid)
-        self._on, self._loads = on, _Loads(S, self._A_zq, self._rigid, on)
-        self.space = PointSpace(S, normal, tangential, self._loads)
+        self._on = on
+        self.space = PointSpace(S, normal, tangential, LoadForces(S, self._A_zq, self._rigid, on))
 
     def anew(self) -> Zone:
         """The same with a memory of its own."""
         new, space = copy(self), self.space
-        new._loads = copy(self._loads)
-        new.space = PointSpace(space.S, space.normal_rows, space.tangential_rows, new._loads)
+        forces = copy(space.follows)
+        new.space = PointSpace(space.S, space.normal_rows, space.tangential_rows, forces)
         return new
 
     def keeps(self, needed: Mask) -> bool:
@@ -249,17 +249,17 @@ class Zone:
 
     def solve(self, conditions: Conditions, load: Load, key: object) -> Response:
         """Gaps, slips and forces of all points under conditions that close no other ones."""
-        found = self.space.unknowns(conditions, load, key)
-        response, z = self.space.response(conditions, load, found), found.z
-        z0, q0 = self._loads.moved(load)
-        q = q0  # none, as a rule
-        if len(q):
+        response, p = self.space.pushed(conditions, load, key)
+        z, q = response.solution, np.zeros(0)  # no anchors, as a rule
+        assert load.moved is not None
+        if len(self._A_qq):
+            moved = load.moved if self._on is None else load.moved[self._on]
+            z0, q0 = moved[: len(z)], moved[len(z) :]
             q = self._rigid.solve(self._A_qq @ q0 - self._A_zq.T @ (z - z0))
         if self.left:
-            assert load.moved is not None
             full = np.zeros(len(self.rows) + len(self.rest) + 1)  # the last for rows of -1
             full[self.rows] = z
-            full[self.rest] = load.moved[self.rest] + self._across.dot(np.append(found.p, q))
+            full[self.rest] = load.moved[self.rest] + self._across.dot(np.append(p, q))
             z, (normal, tangential) = full[:-1], self._left_rows
             response.gap[self._left] += full[normal]
             response.slip[self._left] += full[tangential]
@@ -297,34 +297,6 @@ class Zone:
         if len(forces) > q:
             moved[q:] = self._A_qq @ anchors - self._rigid.solve(self._A_zq.T @ found.load)
         return found._replace(moved=moved)
-
-
-class _Loads:
-    """Forces h on the rows of a zone: of the load that was asked for last they are known.
-
-    (Apart from the zone, which would be part of a cycle else, and keep its memory.)
-    """
-
-    def __init__(self, S: Array, A_zq: Array, rigid: DenseFactors, on: Index | None) -> None:
-        self._S, self._A_zq, self._rigid, self._on = S, A_zq, rigid, on
-        self._last: tuple[Load, Array] | None = None
-
-    def __call__(self, load: Load) -> Array:
-        last = self._last
-        if last is None or last[0] is not load:
-            # A_zz - A_zq R A_qz = S and A_zq (1 - R A_qq) = -A_zq R, with R = (A_qq - 1)^-1
-            z0, q0 = self.moved(load)
-            h = self._S.dot(z0)
-            if len(q0):
-                h -= self._A_zq @ self._rigid.solve(q0)
-            last = self._last = load, h
-        return last[1]
-
-    def moved(self, load: Load) -> tuple[Array, Array]:
-        """Return what gaps and slips do where contact carries nothing, and what anchors do."""
-        assert load.moved is not None
-        moved, q = load.moved if self._on is None else load.moved[self._on], len(self._S)
-        return moved[:q], moved[q:]
 
 
 def indefinite_inverse(W: Array, refuses: bool = True) -> Array:

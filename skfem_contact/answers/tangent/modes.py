@@ -123,7 +123,7 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
         K_r, M_r = test.T.T @ K @ trial.T, test.T.T @ M @ trial.T
     points = np.concatenate([body.dof_points for body in system.bodies])[trial.independent]
     try:
-        with single_threaded():
+        with single_threaded:
             squares, found = _nearest(K_r, M_r, shift, n, points if test is trial else None)
         _check(K_r, M_r, squares, found, shift)
     except (ArpackError, SingularMatrix) as error:

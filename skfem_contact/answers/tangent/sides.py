@@ -98,7 +98,7 @@ class Verge:
         still, t = held.conditions, held.local.slip.shape[1]
         S = np.zeros((k, 1 + t, k, 1 + t))
         moves = np.column_stack([self.touches, *[self.rubs] * t])
-        with single_threaded():
+        with single_threaded:
             load, (zone, key) = held.problem.other_load(held.case({})), held.zone
             for i, c in zip(*np.nonzero(moves), strict=True):
                 unit = np.zeros((len(held.closed), 1 + t))

@@ -307,7 +307,7 @@ class Tangent:
         held, case = self.conditions, self.case(given)
         anchor, offset = (given.get(name, held.anchor) for name in ("anchor", "offset"))
         held = replace(held, anchor=anchor, offset=offset)
-        with single_threaded():
+        with single_threaded:
             load, (zone, key) = self.problem.other_load(case), self.zone
             return case, load, zone.solve(held, load, key)
 
@@ -318,7 +318,7 @@ class Tangent:
     def recovered(self, force: Array, case: LoadCase) -> Array:
         """Displacements (n,) under a load case and forces on the contact DOFs (n_c,)."""
         source = Source(force[:, None], True)
-        with single_threaded():
+        with single_threaded:
             found: Array = self.problem.bodies.recover(source, [None], [case])[0]
         return found
 

@@ -94,8 +94,9 @@ class ContactWatch:
         self.extent = sum(supports[b].arm for b in bodies)
         size = [1.0 if self.dim == 2 else 0.5 * float(np.median(side.lengths)) for side in sides]
         self.soft, self.spared = pressed_in(pairing, sides, stiff, size)
-        if contact.rigid_body is not None:  # it takes up nothing, but it moves
-            bodies.append(self.system.index(contact.rigid_body))
+        tool = contact.rigid_body
+        if tool is not None:  # it takes up nothing, but it moves
+            bodies.append(self.system.index(tool))
         self.bodies = bodies
         held_by = [supports[b] for b in bodies]
         self.motions = moving(held_by, self.track.points)
@@ -109,7 +110,7 @@ class ContactWatch:
         self.of_triangles = of_triangles(contact)
         self.asks = self.of_triangles or self.loose is not None
         self.on_obstacle = isinstance(contact.primary, Obstacle)
-        self.rigid, self.tool = contact.rigid, contact.rigid_body is not None
+        self.rigid, self.tool = contact.rigid, tool is not None
         self.asks |= self.tool and contact.sliding == "small"
 
     def _free(self, b: int, known: Index) -> Support:

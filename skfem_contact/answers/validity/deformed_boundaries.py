@@ -138,12 +138,6 @@ class Boundary:
         middle = self.corners.mean(axis=1)
         return Tree(middle), np.linalg.norm(self.corners - middle[:, None], axis=2).max(axis=1)
 
-    def beside(self, points: Array, length: float) -> Mask:
-        """Which points one simplex alone shows to be no farther from the boundary, shape (p,)."""
-        tree, _ = self._tree
-        nearest, first = tree.query(points)
-        return np.asarray(np.minimum(_to_simplices(points, self.corners[first]), nearest) <= length)
-
     def distance(self, points: Array) -> Array:
         """Distances of points from the boundary, shape (p,) [length]."""
         tree, radius = self._tree
@@ -180,6 +174,16 @@ class Boundary:
         if inside.any():
             out[inside] = self.distance(points[inside])
         return out
+
+    def inner(self, points: Array, length: float) -> tuple[Array, Array]:
+        """Points inside that may lie deeper than a length, and how deep they do, (p, d) and (p,)."""
+        points = points[within(points, self.box)]
+        if len(points):
+            # in contact one simplex shows of nearly all that they are next to it, inside or not
+            nearest, first = self._tree[0].query(points)
+            points = points[np.minimum(_to_simplices(points, self.corners[first]), nearest) > length]
+            points = points[self.inside(points)]
+        return points, self.distance(points) if len(points) else np.zeros(0)
 
     def way_out(self, point: Array) -> Array:
         """The outward normal where the boundary is nearest to a point inside, (d,)."""

@@ -212,6 +212,8 @@ def crossings(one: Edges, other: Edges, apart: float = 0.0) -> tuple[Array, Arra
     across = np.cross(*way)
     size = np.linalg.norm(across, axis=1)
     some = np.flatnonzero(size > LEAN * length[0] * length[1])  # others are parallel
+    if not len(some):  # as a rule
+        return empty
     i, j, across = i[some], j[some], across[some] / size[some, None]
     first, second = way[0][some], way[1][some]
     across *= np.where(dot(across, one.normal[i].sum(axis=1)) < 0, -1.0, 1.0)[:, None]

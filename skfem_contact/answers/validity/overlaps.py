@@ -197,18 +197,10 @@ class Overlaps:
             (between.reshape(-1, side.dim), sum(chords)),
         ):
             bound = max(explained + (ALONE if i in self.near else OVERLAP) * approach, noise)
-            points = points[within(points, other.box)]
-            if not len(points):
-                continue
-            # in contact nearly all are next to it, and neither how deep nor whether inside matters
-            points = points[~other.beside(points, bound + float(np.min(added, initial=0.0)))]
-            points = points[other.inside(points)]
-            if not len(points):
-                continue
-            depth = other.distance(points)
-            if added.any():
+            points, depth = other.inner(points, bound + float(np.min(added, initial=0.0)))
+            if len(points) and added.any():
                 depth = depth - added[Tree(nodes[0]).nearest(points)]
-            if depth.max() > bound:
+            if np.max(depth, initial=0.0) > bound:
                 return True
         return False
 

@@ -63,8 +63,10 @@ class Watch:
         # whether motions of bodies that slide freely show in the interior alone
         self.inside = any(watch.inside for watch in self.watches)
         # what follows large strains and turns has no bounds of them
-        solids = self.system.solids.items()
-        self.solids = [n for n, body in solids if body.components > 1 and not body.finite_strain]
+        solids = self.system.solids
+        self.solids = [
+            n for n, body in solids.items() if body.components > 1 and not body.finite_strain
+        ]
         # where supports do not hold a body against contact, only its surfaces tell how it is strained
         loose = {b for watch in self.watches if not watch.held for b in watch.bodies}
         self.floating = {
@@ -80,7 +82,7 @@ class Watch:
         self.turning = {
             name: b
             for b, (name, support) in enumerate(zip(self.system.names, self.supports, strict=True))
-            if len(support.dofs) and name in self.system.solids
+            if len(support.dofs) and name in solids
         }
         self.may_lock = any(map(may_lock, self.system.bodies))  # whatever the answer is
         self._moved: tuple[Array, list[Any], dict[str, float], dict[str, float]] | None = None

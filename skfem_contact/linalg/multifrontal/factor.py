@@ -136,7 +136,7 @@ class MultifrontalCholesky(BodyFactor):
         self.panels = panels(self._data, fronts)
         self.borders = [fronts.border[a:b] for a, b in pairwise(fronts.first.tolist())]
         diagonal = K.diagonal() if free is None else K.diagonal()[free]
-        with single_threaded():
+        with single_threaded:
             self._factorise(diagonal[fronts.order], points)
         if self.pivot_ratio < SUSPICIOUS:
             self._check_eigenvalue(diagonal, points)
@@ -185,7 +185,7 @@ class MultifrontalCholesky(BodyFactor):
             In the order of elimination; its last rows are the reduced load.
         """
         x = self._ordered(np.asarray(f, dtype=float))
-        with single_threaded():
+        with single_threaded:
             self._forward(x)
         return x
 
@@ -205,7 +205,7 @@ class MultifrontalCholesky(BodyFactor):
             Displacements of the DOFs `order`.
         """
         eliminated[self.fronts.start[-2] :] = u_keep
-        with single_threaded():
+        with single_threaded:
             self._backward(eliminated)
         return eliminated
 
@@ -421,7 +421,7 @@ class SurfaceResponse:
         x = np.zeros(self._n, self._kind)
         x[self._place] = force
         substituted = self._substituted
-        with single_threaded():
+        with single_threaded:
             for pivots, L11, L21, border in self._along:
                 y = substituted(L11.T, x[pivots], lower=1)
                 x[pivots] = y

@@ -23,7 +23,7 @@ import numpy as np
 
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.dense_factors import blocks
-from skfem_contact.linalg.multifrontal.ordering import dissect, distinct
+from skfem_contact.linalg.multifrontal.ordering import borders, dissect
 from skfem_contact.linalg.thresholds import LEAF, SYMMETRIC_TO
 from skfem_contact.records import dataclass
 
@@ -148,7 +148,7 @@ def analyse(
     parent = np.append(tree.parent, last + 1)
 
     entries = lower_entries(K, position, start, free)
-    keys = _borders(n, entries, start, parent, tree.levels)
+    keys = borders(n, entries, start, parent, tree.levels)
     first = np.searchsorted(keys, np.arange(last + 2) * n)
     front, border = np.divmod(keys, n)
     up = parent[front]
@@ -200,30 +200,6 @@ def find_runs(fronts: Fronts) -> list[list[tuple[int, int, int]]]:
     local = (begin - offset).tolist(), (end - offset).tolist(), row.tolist()
     runs = list(zip(*local, strict=True))
     return [runs[a:b] for a, b in pairwise(bounds.tolist())]
-
-
-def _borders(
-    n: int,
-    entries: Iterable[tuple[np.ndarray, ...]],
-    start: np.ndarray,
-    parent: np.ndarray,
-    levels: np.ndarray,
-) -> np.ndarray:
-    """All borders as keys ``front * n + position``, the fronts of one level at a time."""
-    key = np.repeat(np.arange(parent.size) * n, np.diff(start))  # of the front of each column
-    top = (parent.size - 2) * n + np.arange(start[-2], n)  # its border is all that is kept
-    beyond = [distinct(key.take(j[far]) + i[far]) for _, i, j, far in entries]
-    own = distinct(np.concatenate([*beyond, top]))
-    bounds = np.searchsorted(own, levels * n)
-    keys, inherited = [], np.empty(0, dtype=np.int64)
-    for begin, end in pairwise(bounds.tolist()):
-        here = distinct(np.concatenate((own[begin:end], inherited)))
-        keys.append(here)
-        front, i = np.divmod(here, n)
-        up = parent[front]
-        further = i >= start[up + 1]
-        inherited = up[further] * n + i[further]
-    return np.concatenate(keys)
 
 
 def _depth_first(parent: np.ndarray) -> list[int]:

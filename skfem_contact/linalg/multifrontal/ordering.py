@@ -9,6 +9,8 @@ so that any mesh, element and order of approximation will do.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -108,7 +110,41 @@ def dissection_order(A: Any, points: np.ndarray) -> np.ndarray:
     return np.lexsort((tree.along, tree.owner))
 
 
-def distinct(x: np.ndarray) -> np.ndarray:
+def borders(
+    n: int,
+    entries: Iterable[tuple[np.ndarray, ...]],
+    start: np.ndarray,
+    parent: np.ndarray,
+    levels: np.ndarray,
+) -> np.ndarray:
+    """The borders of all fronts, see `Fronts`, as keys ``front * n + position``; level by level.
+
+    Parameters
+    ----------
+    n : int
+        DOFs, those that are kept included.
+    entries : iterable of tuples of ndarray
+        As of `lower_entries`.
+    start, parent, levels : ndarray of int
+        As of `Fronts` and `Dissection`.
+    """
+    key = np.repeat(np.arange(parent.size) * n, np.diff(start))  # of the front of each column
+    top = (parent.size - 2) * n + np.arange(start[-2], n)  # its border is all that is kept
+    beyond = [_distinct(key.take(j[far]) + i[far]) for _, i, j, far in entries]
+    own = _distinct(np.concatenate([*beyond, top]))
+    bounds = np.searchsorted(own, levels * n)
+    keys, inherited = [], np.empty(0, dtype=np.int64)
+    for begin, end in pairwise(bounds.tolist()):
+        here = _distinct(np.concatenate((own[begin:end], inherited)))
+        keys.append(here)
+        front, i = np.divmod(here, n)
+        up = parent[front]
+        further = i >= start[up + 1]
+        inherited = up[further] * n + i[further]
+    return np.concatenate(keys)
+
+
+def _distinct(x: np.ndarray) -> np.ndarray:
     """The distinct values of `x` in ascending order; twice as fast as ``np.unique`` on keys."""
     # keys come in runs, one for each row of a matrix: merging them takes half of the time of sorting
     x = np.sort(x, kind="stable")
@@ -149,8 +185,8 @@ def _edges(A: Any, node: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray
         # the DOFs of a node are mostly neighbours: less to sort
         once = np.flatnonzero((_changes(j) | _changes(i)) & (i != j) & (np.minimum(i, j) >= 0))
         i, j = i.take(once), j.take(once)
-        keys.append(distinct(np.minimum(i, j) * np.int64(count) + np.maximum(i, j)))
-    key = distinct(np.concatenate(keys))
+        keys.append(_distinct(np.minimum(i, j) * np.int64(count) + np.maximum(i, j)))
+    key = _distinct(np.concatenate(keys))
     return np.divmod(key, max(1, count))
 
 
