@@ -1,7 +1,7 @@
 r"""Cells: nearly plane parts of facets, each with a plane of its own and the normal field over it.
 
-A plane face with straight edges is one cell, a curved one four (in its reference coordinates: cut
-between the middles of its edges), a straight line one and a curved one two. A cell is a line, a
+A line is one cell, whether it is straight or not, a plane face with straight edges, too; a curved face
+is four (in its reference coordinates: cut between the middles of its edges). A cell is a line, a
 triangle or a quadrilateral, and its *plane*, for lines itself a line, goes through the mean of its
 corners. The points x of a surface meet what lies on the lines
 
@@ -10,14 +10,15 @@ corners. The points x of a surface meet what lies on the lines
 along the normals at the corners, interpolated over the cell. `Cells.images` answers where in the plane
 the lines begin that go through given points y: with ``v`` and ``c``, the parts of n in the plane and
 across it, as functions of the place X in the plane, and ``w`` the height of the surface above
-it (zero but for warped quadrilaterals), that is
+it (zero but for warped quadrilaterals and curved lines), that is
 
     X + alpha v(X) = Y,      w(X) + alpha c(X) = H
 
 for y at the place Y and the height H. Where normals are parallel this is the projection itself. The
 functions are linear on lines and triangles. On quadrilaterals they are bilinear like the faces; beyond
 the edges they go on linearly, as fitted to the corners: only where edges of the primary enter a cell
-matters there.
+matters there. The place of a point of a curved line is its reference coordinate along the chord; it
+lies at ``X + u(X)``, by which the first equation grows, and u and w are parabolas.
 """
 
 from __future__ import annotations
@@ -65,7 +66,10 @@ class Cells:
         Whether the facet is plane with straight edges.
     shape : ndarray of int, shape (nc,)
         `AFFINE`: a line, plane triangle or parallelogram, on which shape functions are polynomials;
-        `PART` of a curved facet; or `SKEW`: another quadrilateral.
+        `PART`: a curved line, or a part of a curved face; or `SKEW`: another quadrilateral.
+    bow : ndarray, shape (nc, d), or None
+        Of lines from the middles of the chords to the middle nodes, in the coordinates of the cells; None
+        where all are straight, as those without middle nodes are.
     """
 
     kind: FacetKind
@@ -77,23 +81,23 @@ class Cells:
     normals: Array
     plane: Mask
     shape: Index
+    bow: Array | None
 
     @classmethod
     def of(cls, surface: ContactSurface) -> Cells:
         """Cut the facets of a surface into cells."""
         kind, c = surface.kind, surface.kind.corners
         straight = _straight(surface)
-        whole, cut, parts = np.flatnonzero(straight), np.flatnonzero(~straight), quarters(kind)
-        facet = np.concatenate([whole, np.repeat(cut, len(parts))])
-        reference = np.concatenate(
-            [
-                np.broadcast_to(kind.locations[:c], (len(whole), c, kind.dim)),
-                np.tile(parts, (len(cut), 1, 1)),
-            ]
-        )
-        N, _ = kind.shapes(reference)
-        x = N @ surface.points[surface.facets[facet]]
-        normals = unit(N @ surface.facet_node_normals[facet])
+        facet = np.arange(len(surface.facets))
+        reference = np.broadcast_to(kind.locations[:c], (len(facet), c, kind.dim))
+        x, normals = surface.points[surface.facets[:, :c]], surface.facet_node_normals[:, :c]
+        if kind.dim == 2 and not straight.all():
+            whole, cut, parts = np.flatnonzero(straight), np.flatnonzero(~straight), quarters(kind)
+            facet = np.concatenate([whole, np.repeat(cut, len(parts))])
+            reference = np.concatenate([reference[whole], np.tile(parts, (len(cut), 1, 1))])
+            N, _ = kind.shapes(reference)
+            x = N @ surface.points[surface.facets[facet]]
+            normals = unit(N @ surface.facet_node_normals[facet])
         origin, axes = _planes(x)
         turn = np.swapaxes(axes, 1, 2)
         corners = (x - origin[:, None]) @ turn
@@ -103,7 +107,10 @@ class Cells:
         if c == 4:
             skew = np.linalg.norm(np.einsum("c,ncd->nd", SADDLE, corners), axis=1) > round_off
             shape[straight[facet] & skew] = SKEW
-        return cls(kind.linear, facet, reference, origin, axes, corners, normals @ turn, plane, shape)
+        normals, bow = normals @ turn, None
+        if kind.dim == 1 and not straight.all():
+            bow = ((surface.points[surface.facets[:, 2]] - origin)[:, None] @ turn)[:, 0]
+        return cls(kind.linear, facet, reference, origin, axes, corners, normals, plane, shape, bow)
 
     @cached_property
     def positions(self) -> Array:
@@ -163,7 +170,7 @@ class Cells:
             Places in the planes; ``nan`` beyond the focus of a hollow surface, where normals have
             crossed.
         """
-        if self.parallel.all():
+        if self.bow is None and self.parallel.all():
             return local[..., :-1]
         local = np.ascontiguousarray(local.T)  # component by component: long sums
         Y, H, dim = local[:-1], local[-1], self.kind.dim
@@ -172,6 +179,7 @@ class Cells:
         )
         at_zero, slope, (least, most) = linear[0, :, None], linear[1:, :, None], limits[:, :, None]
         size = self.sizes[cell]
+        bow = None if self.bow is None else self.bow.take(cell, axis=0).T[:, None]
         bent = self.kind.corners == 4 and np.abs(more).max(initial=0.0) > COMPUTED
         alpha, X = H, Y
         for _ in range(NEWTON_STEPS):
@@ -182,10 +190,18 @@ class Cells:
                 )
                 field = at_zero + np.einsum("npk,kcp->cnp", self.kind.shapes(inside)[0], more)
             turn = np.eye(dim)[..., None, None] + alpha * np.swapaxes(slope[:, :dim], 0, 1)
-            new_X = _solve(turn, Y - alpha * field[:dim])
+            there = Y - alpha * field[:dim]
+            if bow is not None:  # beyond the ends goes on what is there, straight
+                inside = np.abs(X) < 0.5 * size
+                rise = np.where(inside, -8 * X / size**2, 0.0) * bow[:1]
+                turn = turn + rise
+                there = there + rise * X - np.where(inside, 1 - (2 * X / size) ** 2, 0.0) * bow[:1]
+            new_X = _solve(turn, there)
             # beyond a cell only its own lines matter: their slopes and heights are no others there
             there = field[dim:] + sum(x * rise for x, rise in zip(new_X, slope[:, dim:], strict=True))
             there = np.clip(there, least, most)
+            if bow is not None:
+                there[1] = np.maximum(1 - (2 * new_X[0] / size) ** 2, 0.0) * bow[1]
             new = (H - there[1]) / there[0]
             change = np.abs(new - alpha) + np.linalg.norm(new_X - X, axis=0)
             alpha, X = new, new_X
@@ -202,27 +218,27 @@ class Cells:
 
 
 def _straight(surface: ContactSurface) -> Mask:
-    """Facets whose edges are straight, with the other nodes and their normals in the middles, (nf,)."""
+    """Facets with straight edges, the other nodes and, of faces, their normals in the middles, (nf,)."""
     kind = surface.kind
     if not kind.quadratic:
         return np.ones(len(surface.facets), dtype=bool)
     N, _ = kind.linear.shapes(kind.locations)
     x, normals = surface.points[surface.facets], surface.facet_node_normals
-    off = sizes(x - N @ x[:, : kind.corners]).max(axis=1)
-    bend = sizes(normals - unit(N @ normals[:, : kind.corners])).max(axis=1)
-    return np.asarray((off <= SOLVED * surface.lengths) & (bend <= SOLVED))
+    straight = sizes(x - N @ x[:, : kind.corners]).max(axis=1) <= SOLVED * surface.lengths
+    if kind.dim == 2:
+        bend = sizes(normals - unit(N @ normals[:, : kind.corners])).max(axis=1)
+        straight &= bend <= SOLVED
+    return np.asarray(straight)
 
 
 def quarters(kind: FacetKind) -> Array:
-    """Reference coordinates of the corners of the parts of a facet, (4, c, 2), of a line (2, 2, 1).
+    """Reference coordinates of the corners of the parts of a curved face, (4, c, 2).
 
     >>> from skfem_contact.bodies.facet_kinds import kind_of
     >>> quarters(kind_of(3, 6))[3].tolist()
     [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]
     """
     corner = kind.locations[: kind.corners]
-    if kind.dim == 1:
-        return np.array([[corner[0], kind.middle], [kind.middle, corner[1]]])
     middle = 0.5 * (corner + np.roll(corner, -1, axis=0))
     if kind.corners == 3:
         return np.array([*([corner[i], middle[i], middle[i - 1]] for i in range(3)), middle])

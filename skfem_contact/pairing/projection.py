@@ -218,6 +218,8 @@ def _places(kind: FacetKind, xi: Array) -> Index:
     c = kind.corners
     on = _beyond(kind, xi) > -SOLVED
     place = np.where(on.any(axis=1), np.argmax(on, axis=1), -1)
+    if kind.dim == 1:
+        return place
     corner = on & np.roll(on, 1, axis=1)
     at = np.flatnonzero(corner.any(axis=1))
     place[at] = c + np.argmax(corner[at], axis=1)

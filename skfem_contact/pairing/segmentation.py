@@ -205,8 +205,11 @@ class Segmentation:
 
     def _seen(self, some: Index) -> Array:
         """Nodes of the facets of some pieces in the planes of their cells, (p, k, d-1)."""
-        x = self.secondary.points[self.secondary.facets[self.facets[0][some]]]
-        return self.cells[0].local(self.e[some], x)[..., :-1]
+        x, own = self.secondary.points[self.secondary.facets[self.facets[0][some]]], self.cells[0]
+        X = own.local(self.e[some], x)[..., :-1]
+        if own.bow is not None:
+            X[:, 2] -= own.bow[self.e[some], :-1]
+        return X
 
     def some(self, chosen: Index) -> Segmentation:
         """These pieces, in this order."""
