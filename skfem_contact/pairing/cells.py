@@ -68,7 +68,7 @@ class Cells:
         `AFFINE`: a line, plane triangle or parallelogram, on which shape functions are polynomials;
         `PART`: a curved line, or a part of a curved face; or `SKEW`: another quadrilateral.
     bow : ndarray, shape (nc, d), or None
-        Of lines from the middles of the chords to the middle nodes, in the coordinates of the cells; None
+        Of lines from the middles of the chords to the middle nodes, in the cells' coordinates; None
         where all are straight, as those without middle nodes are.
     """
 
@@ -146,14 +146,17 @@ class Cells:
 
     @cached_property
     def _fields(self) -> tuple[Array, Array]:
-        """v, c and w: values at the origin and slopes (nc, d, d+1); what corners have more."""
-        at = self.corners[:, :, :-1]
-        design = np.concatenate([np.ones_like(at[:, :, :1]), at], axis=2)
-        values = np.concatenate([self.normals, self.corners[:, :, -1:]], axis=2)
-        scale = self.sizes[:, None, None] ** np.minimum(np.arange(at.shape[2] + 1.0), 1.0)
-        across = np.swapaxes(design / scale, 1, 2)
-        linear = np.linalg.solve(across @ design, across @ values)
-        return linear, values - design @ linear
+        """v, c and w: values at the origin and slopes (d, d+1, nc); what corners have more (d+1, c, nc).
+
+        The origin is the mean of the corners: there is the mean of the values, too.
+        """
+        at = self.corners.T[:-1]
+        values = np.concatenate([self.normals, self.corners[:, :, -1:]], axis=2).T
+        zero = values.mean(axis=1)
+        metric, right = np.einsum("icn,jcn->ijn", at, at), np.einsum("icn,vcn->ivn", at, values)
+        slopes = _solve(metric, right)
+        more = values - zero[:, None] - np.einsum("icn,ivn->vcn", at, slopes)
+        return np.concatenate([zero[None], slopes]), more
 
     def images(self, cell: Index, local: Array) -> Array:
         """Return where lines begin that go along the normals through points.
@@ -175,21 +178,26 @@ class Cells:
         local = np.ascontiguousarray(local.T)  # component by component: long sums
         Y, H, dim = local[:-1], local[-1], self.kind.dim
         linear, more, limits = (
-            np.take(x.transpose(1, 2, 0), cell, axis=-1) for x in (*self._fields, self._limits)
+            np.take(x, cell, axis=-1) for x in (*self._fields, self._limits.transpose(1, 2, 0))
         )
         at_zero, slope, (least, most) = linear[0, :, None], linear[1:, :, None], limits[:, :, None]
         size = self.sizes[cell]
         bow = None if self.bow is None else self.bow.take(cell, axis=0).T[:, None]
         bent = self.kind.corners == 4 and np.abs(more).max(initial=0.0) > COMPUTED
         alpha, X = H, Y
+        eye, ways, rises = (
+            np.eye(dim)[..., None, None],
+            np.swapaxes(slope[:, :dim], 0, 1),
+            slope[:, dim:],
+        )
         for _ in range(NEWTON_STEPS):
             field = at_zero
             if bent:
                 inside = np.clip(
                     local_coordinates(self.corners[cell, :, :-1], np.moveaxis(X, 0, -1)), 0.0, 1.0
                 )
-                field = at_zero + np.einsum("npk,kcp->cnp", self.kind.shapes(inside)[0], more)
-            turn = np.eye(dim)[..., None, None] + alpha * np.swapaxes(slope[:, :dim], 0, 1)
+                field = at_zero + np.einsum("npk,ckp->cnp", self.kind.shapes(inside)[0], more)
+            turn = eye + alpha * ways
             there = Y - alpha * field[:dim]
             if bow is not None:  # beyond the ends goes on what is there, straight
                 inside = np.abs(X) < 0.5 * size
@@ -198,12 +206,12 @@ class Cells:
                 there = there + rise * X - np.where(inside, 1 - (2 * X / size) ** 2, 0.0) * bow[:1]
             new_X = _solve(turn, there)
             # beyond a cell only its own lines matter: their slopes and heights are no others there
-            there = field[dim:] + sum(x * rise for x, rise in zip(new_X, slope[:, dim:], strict=True))
-            there = np.clip(there, least, most)
+            there = field[dim:] + sum(x * rise for x, rise in zip(new_X, rises, strict=True))
+            there = np.minimum(np.maximum(there, least), most)
             if bow is not None:
                 there[1] = np.maximum(1 - (2 * new_X[0] / size) ** 2, 0.0) * bow[1]
             new = (H - there[1]) / there[0]
-            change = np.abs(new - alpha) + np.linalg.norm(new_X - X, axis=0)
+            change = np.maximum(np.abs(new - alpha), np.abs(new_X - X).max(axis=0))
             alpha, X = new, new_X
             if not np.any(change > SETTLED * size):  # nan is beyond the focus
                 break
@@ -218,7 +226,7 @@ class Cells:
 
 
 def _straight(surface: ContactSurface) -> Mask:
-    """Facets with straight edges, the other nodes and, of faces, their normals in the middles, (nf,)."""
+    """Facets whose edges are straight, the other nodes and faces' normals in the middles, (nf,)."""
     kind = surface.kind
     if not kind.quadratic:
         return np.ones(len(surface.facets), dtype=bool)
@@ -261,10 +269,13 @@ def _planes(corners: Array) -> tuple[Array, Array]:
     """Means of corners (nc, c, d), and the axes in the plane there and its normal, (nc, d, d)."""
     x, c = corners - corners[:, :1], corners.shape[1]
     first, last = (x[:, 2], x[:, 3] - x[:, 1]) if c == 4 else (x[:, 1], x[:, -1])
-    normal = unit(across(np.stack([first, last][: x.shape[2] - 1], axis=1)))
-    along = unit(first - dot(first, normal)[:, None] * normal)
-    aside = [cross(normal, along)] if c > 2 else []
-    return corners.mean(axis=1), np.stack([along, *aside, normal], axis=1)
+    if c == 2:
+        axes = [along := unit(first), across(along[:, None])]
+    else:
+        normal = unit(across(np.stack([first, last], axis=1)))
+        along = unit(first - dot(first, normal)[:, None] * normal)
+        axes = [along, cross(normal, along), normal]
+    return corners.mean(axis=1), np.stack(axes, axis=1)
 
 
 def local_coordinates(corners: Array, points: Array) -> Array:

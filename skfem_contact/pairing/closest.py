@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from math import dist
 
 import numpy as np
 
@@ -25,8 +26,8 @@ def search_range(
 ) -> tuple[float, float]:
     """Largest distances at which partners are looked for: of open points, of overlapping ones."""
     if reach is None:
-        boxes = [np.linalg.norm(np.ptp(s.points, axis=0)) for s in (secondary, primary)]
-        return np.inf, 0.5 * float(min(boxes))
+        boxes = [dist(s.points.min(axis=0), s.points.max(axis=0)) for s in (secondary, primary)]
+        return np.inf, 0.5 * min(boxes)
     if not isinstance(reach, int | float | np.number) or not reach > 0:
         raise InputError(f"reach={reach!r} is not a positive length")
     return float(reach), float(reach)
@@ -293,9 +294,10 @@ def overhang(
 
 def nearby_facets(surface: ContactSurface, points: Array) -> tuple[Index, Index]:
     """Points, and facets among which all of the nearest to them are, whichever way anything looks."""
-    guess = Tree(surface.points[surface.facets].mean(axis=1)).nearest(points)
-    bound = sizes(points - project(surface, guess, points).foot)
-    bound += SOLVED * surface.lengths[guess]
+    # none is farther than the nearest node or middle of a facet
+    middles = surface.kind.shapes(surface.kind.middle)[0] @ surface.points[surface.facets]
+    bound = Tree(np.concatenate([surface.points, middles])).distances(points)
+    bound += SOLVED * surface.lengths.max()
 
     def in_reach(point: Index, nodes: Nodes) -> Mask:
         return np.asarray(sizes(points[point] - nodes.centre) - nodes.radius <= bound[point])

@@ -343,6 +343,8 @@ def _seen(points: Array, slope: Array | None) -> Array:
 
 def _solve(kind: FacetKind, seen: Array, target: Array, eta: Array) -> Array:
     """Reference coordinates where facets with nodes ``seen`` (p, n, k, d-1) are at ``target``."""
+    if kind.dim == 1:
+        return _on_parabola(seen[..., 0] - target)[..., None]
     for _ in range(NEWTON_STEPS):
         M, dM = kind.shapes(eta)
         away = target - (M[..., None, :] @ seen)[..., 0, :]
@@ -357,6 +359,22 @@ def _solve(kind: FacetKind, seen: Array, target: Array, eta: Array) -> Array:
         if change <= SQUARED:
             break
     return eta
+
+
+def _on_parabola(c: Array) -> Array:
+    """Reference coordinates at which quadratic lines with nodal values c (..., 3) are zero.
+
+    Of ``a eta^2 + b eta + c0`` the root where it goes the way it goes from end to end, in the form
+    without loss. Where the parabola ends before it is zero, its vertex.
+    """
+    c0, a = c[..., 0], 2 * (c[..., 0] + c[..., 1]) - 4 * c[..., 2]
+    b = c[..., 1] - c0 - a
+    root = np.sqrt(np.maximum(b**2 - 4 * a * c0, 0.0))
+    surd = np.where(c[..., 1] >= c0, root, -root)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        eta = np.where(b * surd > 0, -2 * c0 / (b + surd), (surd - b) / (2 * a))
+    # half a facet beyond the end nothing is asked for
+    return np.clip(np.where(np.isnan(eta), 0.5, eta), -0.5, 1.5)
 
 
 def _slopes(dN: Array, nodes: Array) -> list[Array]:
