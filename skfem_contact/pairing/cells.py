@@ -146,7 +146,7 @@ class Cells:
 
     @cached_property
     def _fields(self) -> tuple[Array, Array]:
-        """v, c and w: values at the origin and slopes (d, d+1, nc); what corners have more (d+1, c, nc).
+        """v, c and w: values at the origin and slopes (d, d+1, nc); corners have more (d+1, c, nc).
 
         The origin is the mean of the corners: there is the mean of the values, too.
         """
@@ -182,7 +182,7 @@ class Cells:
         )
         at_zero, slope, (least, most) = linear[0, :, None], linear[1:, :, None], limits[:, :, None]
         size = self.sizes[cell]
-        bow = None if self.bow is None else self.bow.take(cell, axis=0).T[:, None]
+        bow, half = None if self.bow is None else self.bow.take(cell, axis=0).T[:, None], 0.5 * size
         bent = self.kind.corners == 4 and np.abs(more).max(initial=0.0) > COMPUTED
         alpha, X = H, Y
         eye, ways, rises = (
@@ -200,16 +200,16 @@ class Cells:
             turn = eye + alpha * ways
             there = Y - alpha * field[:dim]
             if bow is not None:  # beyond the ends goes on what is there, straight
-                inside = np.abs(X) < 0.5 * size
-                rise = np.where(inside, -8 * X / size**2, 0.0) * bow[:1]
+                height = np.maximum(1 - (X / half) ** 2, 0.0)
+                rise = np.where(height > 0, X * (-2 / half**2), 0.0) * bow[:1]
                 turn = turn + rise
-                there = there + rise * X - np.where(inside, 1 - (2 * X / size) ** 2, 0.0) * bow[:1]
+                there = there + rise * X - height * bow[:1]
             new_X = _solve(turn, there)
             # beyond a cell only its own lines matter: their slopes and heights are no others there
             there = field[dim:] + sum(x * rise for x, rise in zip(new_X, rises, strict=True))
             there = np.minimum(np.maximum(there, least), most)
             if bow is not None:
-                there[1] = np.maximum(1 - (2 * new_X[0] / size) ** 2, 0.0) * bow[1]
+                there[1] = np.maximum(1 - (new_X[0] / half) ** 2, 0.0) * bow[1]
             new = (H - there[1]) / there[0]
             change = np.maximum(np.abs(new - alpha), np.abs(new_X - X).max(axis=0))
             alpha, X = new, new_X

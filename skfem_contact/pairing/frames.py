@@ -143,15 +143,17 @@ def plane_moduli(surface: ContactSurface) -> Array:
         # on a plane of symmetry the force has a part across that plane, from the boundary there
         p, ratio = dot(dilated, area) / size**2, Q / P
         modulus = ratio * (2 + (d - 2) * ratio) / (1 + (d - 1) * ratio) * p
-        length = total ** (1 / kind.dim)
-        diagonal = surface.body.K.diagonal()[surface.dofs].mean(axis=1) * length / size
     elastic = (dot(dilated, area) > ALONG * P * size) & np.isfinite(modulus) & (modulus > 0)
     elastic &= size > GIVEN * total  # at corners of quadratic triangles a is round-off
     inner = ~rim_points(surface, mirrored=False)
     known = elastic & inner
-    if not known.any():
-        return np.where(np.isfinite(diagonal) & (diagonal > 0), diagonal, 1.0)
-    modulus = np.where(elastic, modulus, diagonal)
+    if not (known.any() and elastic.all()):  # the diagonal takes as long as K is large
+        diagonal = surface.body.K.diagonal()[surface.dofs].mean(axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            diagonal = diagonal * total ** (1 / kind.dim) / size
+        if not known.any():
+            return np.where(np.isfinite(diagonal) & (diagonal > 0), diagonal, 1.0)
+        modulus = np.where(elastic, modulus, diagonal)
     borrowed = ~inner | ~np.isfinite(modulus) | ~(modulus > 0)
     _, nearest = Tree(surface.points[known]).query(surface.points[borrowed])
     modulus[borrowed] = modulus[known][nearest]

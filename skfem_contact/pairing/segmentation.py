@@ -37,6 +37,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -181,8 +182,10 @@ class Segmentation:
         chosen = np.arange(len(shape)) if some is None else some
         if heights and not (self.secondary.kind.straight and self.primary.kind.straight):
             shape = np.full_like(shape, SKEW)
-        for kind in np.unique(shape[chosen]):
+        for kind in (AFFINE, PART, SKEW):
             mine = chosen[shape[chosen] == kind]
+            if not len(mine):
+                continue
             whose, simplices = self.pieces.some(mine).simplices(round_middle=kind == SKEW)
             at, w = self._rule(kind, heights)
             step = max(1, POINTS_AT_ONCE // len(w))
@@ -232,26 +235,28 @@ class Segmentation:
         )
         corners = own.corners.take(e, axis=0)[:, None, :, :-1]
         at, slopes = own.kind.shapes(local_coordinates(corners, X))
-        N, x = at, X
+        N = at
         if secondary.kind.quadratic:
             N = secondary.kind.shapes(at @ own.reference[e])[0]
-            x = N @ nodes
         # in the plane of the cell, as seen along the normal
         normal, slope = own.normals.take(e, axis=0), None
         if own.parallel[e].all():
-            normal, x = normal[:, :1], x[..., : own.kind.dim]
+            normal, x = normal[:, :1], (N @ nodes)[..., :-1] if secondary.kind.quadratic else X
         else:
             normal = at @ normal
             slope = normal[..., :-1] / normal[..., -1:]
             x = N @ nodes
             x = x[..., :-1] - x[..., -1:] * slope
-        seen = corners = _seen(opposite, slope)
-        if primary.kind.quadratic:
+        seen = _seen(opposite, slope)
+        if not primary.kind.quadratic:
+            eta = local_coordinates(seen, x)
+        elif primary.dim == 2:
+            eta = _on_parabola(seen[..., 0] - x)
+        else:
             corners = _seen(own.local(e, other.positions.take(f, axis=0)), slope)
-        M = other.kind.shapes(local_coordinates(corners, x))[0]
-        if primary.kind.quadratic:
+            M = other.kind.shapes(local_coordinates(corners, x))[0]
             eta = _solve(primary.kind, seen, x, M @ other.reference[f])
-            M = primary.kind.shapes(eta)[0]
+        M = primary.kind.shapes(eta)[0]
         axes = own.axes.take(e, axis=0)
         return Meeting(*facets, N, M, normal, (nodes, opposite), axes, (at, slopes))
 
@@ -343,8 +348,6 @@ def _seen(points: Array, slope: Array | None) -> Array:
 
 def _solve(kind: FacetKind, seen: Array, target: Array, eta: Array) -> Array:
     """Reference coordinates where facets with nodes ``seen`` (p, n, k, d-1) are at ``target``."""
-    if kind.dim == 1:
-        return _on_parabola(seen[..., 0] - target)[..., None]
     for _ in range(NEWTON_STEPS):
         M, dM = kind.shapes(eta)
         away = target - (M[..., None, :] @ seen)[..., 0, :]
@@ -374,7 +377,7 @@ def _on_parabola(c: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         eta = np.where(b * surd > 0, -2 * c0 / (b + surd), (surd - b) / (2 * a))
     # half a facet beyond the end nothing is asked for
-    return np.clip(np.where(np.isnan(eta), 0.5, eta), -0.5, 1.5)
+    return np.clip(np.where(np.isnan(eta), 0.5, eta), -0.5, 1.5)[..., None]
 
 
 def _slopes(dN: Array, nodes: Array) -> list[Array]:
@@ -410,6 +413,11 @@ class Moments:
     own: Array
     inside: Array
     cross: Array
+
+    @cached_property
+    def covered(self) -> Index:
+        """Facets of the secondary with a part that is covered, ascending."""
+        return np.flatnonzero(np.bincount(self.e, minlength=len(self.own)))
 
     @classmethod
     def of(cls, pieces: Segmentation) -> Moments:
