@@ -148,7 +148,7 @@ def dual_mortar(
     of_secondary, of_primary = mortar_normals(moments, basis.A, normal)
     M = M if exchange is None else M + exchange
     paired = (area > 0) & ~shared_nodes(secondary, primary)
-    sums = np.bincount(entries(M)[0], M.data, len(paired))
+    sums = np.asarray(np.bincount(entries(M)[0], M.data, len(paired)), dtype=float)
     W_s, W_m = weights = divided(D, area, paired), divided(M, sums, paired)
     for W in weights:
         W.data[np.abs(W.data) < NO_WEIGHT] = 0.0
