@@ -234,29 +234,43 @@ def _scale(size: float) -> float:
     return size if size > np.finfo(float).tiny else 1.0
 
 
+def scales(
+    p: Problem, u: np.ndarray, lam: np.ndarray, tau: np.ndarray, slip: np.ndarray
+) -> tuple[float, float, float]:
+    """What forces and lengths of an answer are measured by, and a stiffness of the contact points.
+
+    Forces that act; not the terms that cancel in K u, which in a stiff body are any multiple of them
+    and would hide what is wrong. Only where nothing acts their last digits are the scale, and those of
+    the step's own motion, where a load is taken back. Of lengths too.
+    """
+    free = np.setdiff1d(np.arange(len(u)), p.D)
+    touched = np.abs(p.B_n).sum(axis=0)[free] > 0
+    stiff = np.median(np.diag(p.K)[free][touched]) if touched.any() else 1.0
+    digits = ROUND_OFF * np.abs(slip - p.slip_before)
+    gap = p.gap0 + p.B_n @ u
+    terms = [ROUND_OFF * (np.abs(p.K) @ np.abs(u)), stiff * digits]
+    forces = [np.abs(p.K @ u), np.abs(p.f), np.abs(lam), np.abs(tau), *terms]
+    moves = [np.abs(u), np.abs(gap[np.isfinite(gap)]), digits]
+    force, length = (
+        max(float(np.max(part, initial=0.0)) for part in parts) for parts in (forces, moves)
+    )
+    return force, length, stiff
+
+
 def residual(p: Problem, u: np.ndarray, lam: np.ndarray, tau: np.ndarray, slip: np.ndarray) -> float:
     """Largest violation of equilibrium, Signorini and Coulomb, over the largest force."""
     free = np.setdiff1d(np.arange(len(u)), p.D)
     balance = p.K @ u - p.f - p.B_n.T @ lam + p.B_t.T @ tau
-    # forces that act; not the terms that cancel in K u, which in a stiff body are any multiple of
-    # them and would hide what is wrong. Only where nothing acts are their last digits the scale, and
-    # those of the step's own motion, where a load is taken back
-    touched = np.abs(p.B_n).sum(axis=0)[free] > 0
-    stiff = np.median(np.diag(p.K)[free][touched]) if touched.any() else 1.0
-    terms = [np.abs(p.K) @ np.abs(u), stiff * np.abs(slip - p.slip_before)]
-    digits = [ROUND_OFF * part for part in terms]
-    parts = [np.abs(p.K @ u), np.abs(p.f), np.abs(lam), np.abs(tau), *digits]
-    force = _scale(max(float(np.max(part, initial=0.0)) for part in parts))
+    force, length, stiff = scales(p, u, lam, tau, slip)
     gap = p.gap0 + p.B_n @ u
     plastic = slip - p.slip_before
     if np.isfinite(p.G):
         plastic = plastic - (tau - p.tau_before) / p.G
-    length = float(max(np.abs(u).max(), np.abs(gap[np.isfinite(gap)]).max(initial=0.0)))
     none = (np.abs(lam) <= 1e-12 * force) & (np.abs(tau) <= 1e-12 * force)  # open, perhaps just
     open_ = none | (stiff * gap > 1e-9 * stiff * length) & (np.abs(lam) <= 1e-12 * force)
     room = np.where(open_, 0.0, np.minimum(p.mu * lam + p.cohesion, p.cap) - np.abs(tau))
     moves = np.where(open_, 0.0, stiff * plastic)
-    length, moved = _scale(length), _scale(stiff * length)
+    force, length, moved = _scale(force), _scale(length), _scale(stiff * _scale(length))
     errors = [
         np.abs(balance[free]) / force,
         np.minimum(lam / force, gap / length),
@@ -311,7 +325,8 @@ def _judge(drawn: Drawn, show: bool) -> list[tuple[str, str]]:
         # after cuts the start of the last substep is not known here
         left = 0.0 if cut else residual(same, result.u, lam, tau, slip)
         worst = max(left, result.certificate.worst)
-        off = [distance(s, result.u, lam, tau) for s in known or []]
+        least = scales(same, result.u, lam, tau, slip)[:2]
+        off = [distance(s, result.u, lam, tau, least) for s in known or []]
         near = min(off, default=np.inf)
         words = (
             f"{name}: residual {left:.1e}, certificate {worst:.1e}, off {near:.1e}, {len(off)} known"

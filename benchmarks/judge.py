@@ -85,7 +85,7 @@ class Run:
     error: Exception | None
 
 
-def run(s: Scene, made: dict[str, Any], way: Way = GIVEN, uniqueness: bool = False) -> Run:
+def run(s: Scene, made: dict[str, Any], way: Way = GIVEN, report: bool = False) -> Run:
     """Hand a scene to the library and read what it reports."""
     answers: list[Answer] = []
     try:
@@ -94,14 +94,18 @@ def run(s: Scene, made: dict[str, Any], way: Way = GIVEN, uniqueness: bool = Fal
             solver, steps = build(s, made, way)
             history = solver.history(steps)
             for result in history:
-                answers.append(read(s, result, uniqueness, caught[:]))
+                answers.append(read(s, result, report, caught[:]))
     except Exception as error:
         return Run(answers, error)
     return Run(answers, None)
 
 
-def read(s: Scene, result: Any, uniqueness: bool, caught: list[Any]) -> Answer:
-    """What a user reads off a result."""
+#: What a report says of other answers.
+OTHERS = ("may have other answers", "may have several answers", "at least two other answers")
+
+
+def read(s: Scene, result: Any, report: bool, caught: list[Any]) -> Answer:
+    """What a user reads off a result, and in its report."""
     u = {b.name: np.array(result.displacement(b.name)) for b in s.bodies}
     contacts = {}
     for spec in s.contacts:
@@ -117,10 +121,7 @@ def read(s: Scene, result: Any, uniqueness: bool, caught: list[Any]) -> Answer:
             float(v.dissipation),
             np.array(v.action),
         )
-    several = False
-    if uniqueness:
-        known = result.uniqueness
-        several = known is not None and bool(known.index < 0 or known.may_be_several.any())
+    several = report and any(words in result.report() for words in OTHERS)
     warned = tuple(
         f"{w.category.__name__}: {w.message}" for w in caught if issubclass(w.category, Warning)
     )
@@ -312,16 +313,19 @@ def may_be_several(one: Answer, two: Answer) -> bool:
     return any(facets for facets, _ in told) and all(any(both) for both in told)
 
 
-def another(court: Court, other: Run, k: int, one: Answer, two: Answer) -> bool:
-    """Whether a body is loose in one answer, as is told, and held in the other, both of them right.
+def another(court: Court, way: Way, other: Run, k: int, one: Answer, two: Answer) -> bool:
+    """Whether the user is told that there may be others, and the judge's own checks know both as right.
 
-    A disc between blocks may be squeezed or stand beside; the judge's own checks know both.
+    A disc between blocks may be squeezed or stand beside, loose; what cohesion presses on may touch
+    or not, as each of the two reports says.
     """
-    told = any("The place of body" in w for a in (one, two) for w in a.warned)
-    if not told:
-        return False
     findings, _ = examine(court, Run(other.answers[: k + 1], None))
-    return all(excuses(other.answers, f) for f in findings)
+    if not all(excuses(other.answers, f) for f in findings):
+        return False
+    if any("The place of body" in w for a in (one, two) for w in a.warned):
+        return True
+    told = (run(court.scene, court.made, w, report=True).answers[k] for w in (GIVEN, way))
+    return all(answer.several for answer in told)
 
 
 def compare_orders(court: Court, first: Run) -> str:
@@ -331,7 +335,8 @@ def compare_orders(court: Court, first: Run) -> str:
     n, m = len(s.bodies), len(s.contacts)
     bodies = tuple(int(i) for i in (range(n)[::-1] if n == 2 else rng.permutation(n)))
     contacts = tuple(int(i) for i in (range(m)[::-1] if m == 2 else rng.permutation(m)))
-    second = run(s, made, Way(bodies, contacts))
+    way = Way(bodies, contacts)
+    second = run(s, made, way)
     pairs = list(zip(first.answers, second.answers, strict=False))
     off = [difference(court, k, a, b, travelled(first.answers, k)) for k, (a, b) in enumerate(pairs)]
     first_off = next(
@@ -359,8 +364,7 @@ def compare_orders(court: Court, first: Run) -> str:
     worst = int(np.argmax(off))
     if first_off is None:
         return "agree"
-    told = run(s, made, uniqueness=True)
-    if any(a.several for a in told.answers[: worst + 1]):
+    if another(court, way, second, first_off, *pairs[first_off]):
         return f"several answers are reported, {off[worst]:.1e} in step {worst}"
     said = " and ".join(repr(r.answers[worst].message) for r in (first, second))
     return f"differ by {off[worst]:.1e} in step {worst}; messages {said}"
@@ -380,7 +384,7 @@ def compare_routes(court: Court, first: Run) -> list[str]:
         for k, (a, b) in enumerate(zip(first.answers, other.answers, strict=False)):
             off = difference(court, k, a, b, travelled(first.answers, k))
             same = same_of(court, a, b, same)
-            if off > same and (elsewhere(court, k, a, b, same) or another(court, other, k, a, b)):
+            if off > same and (elsewhere(court, k, a, b, same) or another(court, way, other, k, a, b)):
                 break  # told, and all that follows depends on it
             if a.cut != b.cut:
                 break  # friction depends on the way: one took the step in one, the other in two

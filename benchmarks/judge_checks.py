@@ -106,7 +106,9 @@ class Court:
         self.tiny = 1e-13 * (self.extent + np.abs(X).max())
         self.most = 0.0  # the largest force that any step had
         self.stiffest = max(float(m.K.diagonal().max()) for m in made.values())
-        self.faint = 0.0  # round-off of the stiffest body, which contact hands on to all others
+        # round-off of the stiffest body, which contact hands on to all others: a gap is the difference
+        # of two coordinates
+        self.faint = 10 * EPS * self.stiffest * float(np.abs(X).max())
 
     @cached_property
     def shared(self) -> dict[str, np.ndarray]:

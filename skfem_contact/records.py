@@ -34,6 +34,17 @@ else:
         Traceback (most recent call last):
             ...
         dataclasses.FrozenInstanceError: cannot assign to field 'x'
+
+        `help` shows a class before its first instance:
+
+        >>> import pydoc
+        >>> @dataclass
+        ... class Rod:
+        ...     E: float = dataclasses.field(init=False)
+        ...
+        ...     def __init__(self) -> None: ...
+        >>> "Rod" in pydoc.render_doc(Rod)
+        True
         """
 
         def waits(cls: type[Any]) -> type[Any]:
@@ -41,7 +52,7 @@ else:
             for name in later.names():
                 setattr(cls, name, NotMade(later, name))
             if parameters.get("frozen", False):
-                cls.__setattr__, cls.__delattr__ = _refuse_set, _refuse_delete
+                _freeze(cls)
             return cls
 
         return waits if given is None else waits(given)
@@ -56,6 +67,9 @@ class _Later:
 
     def __init__(self, cls: type[Any], parameters: dict[str, Any]) -> None:
         self.cls, self.parameters = cls, parameters
+        self.fields = {k: v for k, v in vars(cls).items() if isinstance(v, dataclasses.Field)}
+        for name in self.fields:  # no attribute of the class, which `help` would ask for
+            delattr(cls, name)
 
     def names(self) -> list[str]:
         """Return the names of methods and fields that have to be made."""
@@ -73,13 +87,12 @@ class _Later:
             if not stubs:
                 return
             left = {*stubs, *REFUSES, "__dict__", "__weakref__"}
-            body = {name: value for name, value in own.items() if name not in left}
+            body = self.fields | {name: value for name, value in own.items() if name not in left}
             metaclass: Any = type(self.cls)
             twin = metaclass(self.cls.__name__, self.cls.__bases__, body)
             made = vars(dataclasses.dataclass(**self.parameters)(twin))
-            for name, value in own.items():
-                if isinstance(value, dataclasses.Field):  # defaults stand in the class
-                    setattr(self.cls, name, made[name]) if name in made else delattr(self.cls, name)
+            for name in self.fields.keys() & made.keys():  # defaults stand in the class
+                setattr(self.cls, name, made[name])
             for name in stubs:  # the constructor last, for which threads wait here
                 setattr(self.cls, name, own[name].then(made[name]))
 
@@ -99,9 +112,20 @@ class NotMade:
         return getattr(owner if instance is None else instance, self.name)
 
 
-def _refuse_set(self: Any, name: str, value: Any) -> None:
-    raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
+def _freeze(cls: type[Any]) -> None:
+    """Fields stay as they are; classes of users that derive from this one may set others."""
 
+    def refused(instance: Any, name: str) -> bool:
+        return type(instance) is cls or name in cls.__dataclass_fields__
 
-def _refuse_delete(self: Any, name: str) -> None:
-    raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
+    def set_(instance: Any, name: str, value: Any) -> None:
+        if refused(instance, name):
+            raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
+        super(cls, instance).__setattr__(name, value)
+
+    def delete(instance: Any, name: str) -> None:
+        if refused(instance, name):
+            raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
+        super(cls, instance).__delattr__(name)
+
+    cls.__setattr__, cls.__delattr__ = set_, delete  # type: ignore[assignment]

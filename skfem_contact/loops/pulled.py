@@ -26,13 +26,13 @@ from skfem_contact.arrays import Array
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.conditions.thresholds import NO_WORK
-from skfem_contact.digits import GIVEN
+from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.loops.active_set import newton
 from skfem_contact.loops.complementarity import Projection
 from skfem_contact.loops.driver import Outcome, drive
 from skfem_contact.loops.step import Guess, Record, Step
-from skfem_contact.loops.thresholds import HALVINGS, IN_SERIES, ROUND_OFF
+from skfem_contact.loops.thresholds import HALVINGS, IN_SERIES
 from skfem_contact.problem.points import PointSpace, on_rows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
 from skfem_contact.problem.seam import ContactProblem
@@ -268,7 +268,7 @@ def _go(way: Pull, start: At) -> tuple[Outcome | None, Carried | None]:
         if top.share >= 1.0 - way.tolerance:
             found = way.all_of_it(come[-2] if top is not at else last, top)
             return found, None if found else Carried(1.0, limit=False)
-        if abs(at.share - last.share) <= GIVEN * best.share + ROUND_OFF * at.pull:
+        if abs(at.share - last.share) <= GIVEN * best.share + SOLVED * at.pull:
             meets = way.meets(last, at)
             if meets == np.inf:
                 return None, Carried(best.share, limit=True)

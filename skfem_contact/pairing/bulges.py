@@ -138,12 +138,14 @@ def _moves(place: Place, v: Array, found: Heights, weights: tuple[Array, Array],
     own, other = (spread.weighted(weighted) for spread in found.spreads)
     T = summed(np.einsum("dep,kefp->kdfp", found.common, own - other))
     vector = summed(np.einsum("knp,dnp->kdp", weighted, found.h * v))
-    M, v = (summed(area * x.mean(axis=1)) / summed(area) for x in (place.shape, v))
+    # of all its parts: which is the first depends on the numbering
+    places = place.shape.mean(axis=1), v.mean(axis=1), found.ways
+    M, v, ways = (summed(area * x) / summed(area) for x in places)
     g, n = _gradients(Place(place.surface, place.facet[first], M))
     facing = np.einsum("dp,dp->p", v, n)
     along = np.einsum("kdp,dp->kp", vector, n)
     T, trace = _in_plane(0.5 * facing * (T + np.swapaxes(T, 1, 2)), n)
-    ways, size = _in_plane(np.take(found.ways, first, axis=-1), n)
+    ways, size = _in_plane(ways, n)
     share = np.divide(along - trace, size, out=np.zeros_like(along), where=size > 0)
     T += share[:, None, None] * ways
     Tg = np.einsum("kabp,jbp->kjap", T, g)

@@ -156,10 +156,16 @@ def piece_signs(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     return patterns, np.linalg.slogdet(A)[0].astype(int)
 
 
-def distance(solution: Solution, u: np.ndarray, lam: np.ndarray, tau: np.ndarray) -> float:
-    """Largest difference of displacements and of forces, each over its largest value."""
-    force = max(np.abs(solution.lam).max(), np.abs(solution.tau).max(), np.abs(lam).max())
-    length = np.abs(solution.u).max()
+def distance(
+    solution: Solution,
+    u: np.ndarray,
+    lam: np.ndarray,
+    tau: np.ndarray,
+    least: tuple[float, float] = (0.0, 0.0),
+) -> float:
+    """Largest difference of displacements and of forces, each over its largest value, or the least."""
+    force = max(np.abs(solution.lam).max(), np.abs(solution.tau).max(), np.abs(lam).max(), least[0])
+    length = max(np.abs(solution.u).max(), least[1])
     off = max(np.abs(solution.lam - lam).max(), np.abs(solution.tau - tau).max())
     moved = np.abs(solution.u - u).max()
     return float(max(off / (force or 1.0), moved / (length or 1.0)))

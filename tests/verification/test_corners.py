@@ -217,10 +217,10 @@ def test_a_square_led_round_a_corner_is_refused_by_name(method):
 
 
 def test_refusals_without_corners_blame_none():
-    """A disc on a plane has no corner: where its pairing may not settle, the point is named alone."""
+    """A disc on a hill has no corner: where its pairing may not settle, the point is named alone."""
     tool = ring()
     disc = sc.Body(tool, elastic(1.0), D="inner", name="disc")
-    ground = sc.RigidPlane((0, 0), (0, 1))
+    ground = sc.RigidCylinder((HOME[0], -5.0), 5.0)
     contact = sc.Contact(disc.surface("outer"), ground, sliding="finite", name="c")
     options = sc.Options(tolerance=0.0, placement_tolerance=0.0, max_placements=2, max_cuts=0)
     solver = sc.ContactSolver(disc, contact, options=options)

@@ -100,13 +100,17 @@ def test_many_whole_problems(choice, floating):
 
 
 def test_what_taking_a_load_away_leaves_is_round_off():
-    """Forces of 1e-20 after forces of 1e-3 are none, whatever their signs are to each other."""
+    """Forces of 1e-20 after forces of 1e-3 are none, whatever their signs are to each other.
+
+    Nor are gaps of 1e-21 after slips of 1e-4 gaps (323).
+    """
     begin = StepChoice(load=0, force=1.0, displacement=1.0, interference=None)
     problem = Choice(
         seed=69746542, mu=5.0, most=4, floating=False, scales=(0.1, 1.0), G=1.0, caps={}, method="node",
         loop="direct", linear="sparse", cuts=0, steps=(begin, replace(begin, displacement=0.0)),
     )  # fmt: skip
     assert [kind.split(",")[0] for kind, _ in judge(problem)] == ["right", "right"]
+    assert kinds(323) == ["right"] * 3
 
 
 @pytest.mark.every_value
@@ -140,6 +144,11 @@ def test_friction_below_round_off_is_none(mu):
 def test_body_held_by_capped_friction_alone():
     """An equilibrium in which some points slip at the cap and others stick should be found."""
     assert "missed" not in kinds(2247)
+
+
+def test_a_body_that_carries_nothing_however_far_it_is_pulled():
+    """A share of round-off of a way that doubles and doubles: it went on to 1e154 and an overflow."""
+    assert kinds(500781) == ["refused"]
 
 
 def test_enumeration_knows_the_cap():

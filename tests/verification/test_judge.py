@@ -365,6 +365,27 @@ def test_friction_that_jumps_where_a_point_opens(seed):
     assert found.error is None and len(found.answers) == len(jumps.steps)
 
 
+def test_two_answers_of_friction_that_jumps_are_told(monkeypatch):
+    """Cohesion draws a point on, or leaves it open: one by each route, both right, and both say so.
+
+    Not excused is what no report says, or an answer that fails the judge's own checks.
+    """
+    truth, sparse = bench.scene(908), bench.Way(linear="direct")
+    made = make(truth)
+    court, k = Court(truth, made), 2
+    one, other = bench.run(truth, made), bench.run(truth, made, sparse)
+    statuses = [r.answers[k].contacts["foot"].status for r in (one, other)]
+    assert [int((status == 0).sum()) for status in statuses] == [0, 1]
+    assert bench.compare_routes(court, one) == []
+    pair = one.answers[k], other.answers[k]
+    stretched = {name: 1.001 * u for name, u in pair[1].u.items()}
+    spoilt = bench.Run([*other.answers[:k], replace(pair[1], u=stretched)], None)
+    assert bench.another(court, sparse, other, k, *pair)
+    assert not bench.another(court, sparse, spoilt, k, *pair)
+    monkeypatch.setattr(bench, "OTHERS", ())
+    assert not bench.another(court, sparse, other, k, *pair)
+
+
 def test_a_refusal_on_the_edge():
     """A smooth block rests as long as nothing at all pushes it sideways, a rough one anyhow."""
     truth = blocks("mortar")

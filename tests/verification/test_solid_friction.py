@@ -227,7 +227,7 @@ def test_the_certificate_judges_direction_and_size():
     turned = right + 1e-3 * np.cross([0.0, 0.0, 1.0], right)
     for wrong in (turned, 1.001 * right):
         object.__setattr__(result.state, "tangential_force", wrong)
-        for name in ("local",):  # what is derived of the state
+        for name in ("local", "certificate"):  # what is derived of the state
             vars(result).pop(name, None)
         scale = result.state.normal_force.max()
         at_fault = np.linalg.norm(wrong - right, axis=1)[result.state.status == 2].max() / scale
