@@ -20,7 +20,7 @@ from skfem_contact import Body
 from skfem_contact.bodies import kind_of
 from skfem_contact.conditions import carriers
 from skfem_contact.errors import InputError
-from skfem_contact.pairing import DualBasis, dual_basis, dual_mortar
+from skfem_contact.pairing import DualBasis, dual_basis, dual_mortar, segment
 
 ELEMENTS = {
     "P1": fem.ElementTriP1,
@@ -52,8 +52,8 @@ def pair_of_blocks(kind, x_low, x_top, *, gap=0.0, both=None, **kwargs):
     return top.surface("bottom"), low.surface("top")
 
 
-def arc(kind, radius, angles, thickness, *, outer):
-    """Part of a ring whose contact face is at ``radius``: its outer or its inner face."""
+def arc(kind, radius, angles, thickness, *, outer, ahead=0.0):
+    """Part of a ring whose contact face is at ``radius``, middle nodes turned ahead by an angle."""
     far = radius - thickness if outer else radius + thickness
     mesh = fem.MeshQuad.init_tensor(np.sort([radius, far]), np.asarray(angles, float))
     mesh = mesh.with_defaults()
@@ -65,10 +65,28 @@ def arc(kind, radius, angles, thickness, *, outer):
         nodes = mesh.dofs.facet_dofs[0, face]
         p = mesh.doflocs.copy()
         p[:, nodes] *= radius / np.linalg.norm(p[:, nodes], axis=0)
+        c, s = np.cos(ahead), np.sin(ahead)
+        p[:, nodes] = np.array([[c, -s], [s, c]]) @ p[:, nodes]
         mesh = replace(mesh, doflocs=p)
     element = fem.ElementQuad1() if kind == "straight" else fem.ElementQuad2()
     body = Body(fem.Basis(mesh, fem.ElementVector(element)), FORM)
     return body.surface(face)
+
+
+@pytest.mark.parametrize("ahead", [0.0, 0.03])
+@pytest.mark.parametrize("both", [("curved", "curved"), ("curved", "straight"), ("straight", "curved")])
+def test_pieces_of_curves_end_at_vertices(both, ahead):
+    """Of the one side or of the other, where its normal line goes: between them all is smooth."""
+    inner = arc(both[0], 1.0, np.linspace(0.3, 1.5, 6), 0.2, outer=True, ahead=ahead)
+    outer = arc(both[1], 1.02, np.linspace(0.2, 1.6, 8), 0.2, outer=False, ahead=-ahead)
+    for secondary, primary in ((inner, outer), (outer, inner)):
+        pieces = segment(secondary, primary)
+        ends = pieces.corners(np.arange(len(pieces.e)))
+        off = [1 - np.abs(shape[..., :2]).max(axis=2) for shape in (ends.N, ends.M)]
+        assert np.abs(np.minimum(*np.abs(off))).max() < ROUND_OFF
+        assert (
+            len(pieces.e) == len(secondary.facets) + len(primary.facets) - 1
+        )  # the outer one is longer
 
 
 def breaks(draw, lo=0.0, hi=1.0, most=5):

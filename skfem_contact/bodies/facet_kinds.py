@@ -260,8 +260,16 @@ def _on_line(t: Array, k: int) -> tuple[Array, Array]:
         N[..., 1] = t
         slopes[..., 0, 0], slopes[..., 1, 0] = -1.0, 1.0
         return N, slopes
-    N = np.stack([(1 - t) * (1 - 2 * t), t * (2 * t - 1), 4 * t * (1 - t)], -1)
-    return N, np.stack([4 * t - 3, 4 * t - 1, 4 - 8 * t], -1)[..., None]
+    N, slopes, t4 = np.empty((*t.shape, 3)), np.empty((*t.shape, 3, 1)), 4 * t
+    middle, rest = N[..., 2], 1 - t
+    np.multiply(t4, rest, out=middle)
+    half = 0.5 * middle
+    np.subtract(rest, half, out=N[..., 0])
+    np.subtract(t, half, out=N[..., 1])
+    np.subtract(t4, 3, out=slopes[..., 0, 0])
+    np.subtract(t4, 1, out=slopes[..., 1, 0])
+    np.subtract(4, 2 * t4, out=slopes[..., 2, 0])
+    return N, slopes
 
 
 #: All kinds by name. Quadratic lines and quadrilaterals have area elements that are no polynomials.

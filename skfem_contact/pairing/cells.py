@@ -1,7 +1,7 @@
 r"""Cells: nearly plane parts of facets, each with a plane of its own and the normal field over it.
 
-A plane face with straight edges is one cell, a curved one four (in its reference coordinates: cut
-between the middles of its edges), a straight line one and a curved one two. A cell is a line, a
+A line is one cell, whether it is straight or not, a plane face with straight edges, too; a curved face
+is four (in its reference coordinates: cut between the middles of its edges). A cell is a line, a
 triangle or a quadrilateral, and its *plane*, for lines itself a line, goes through the mean of its
 corners. The points x of a surface meet what lies on the lines
 
@@ -10,14 +10,15 @@ corners. The points x of a surface meet what lies on the lines
 along the normals at the corners, interpolated over the cell. `Cells.images` answers where in the plane
 the lines begin that go through given points y: with ``v`` and ``c``, the parts of n in the plane and
 across it, as functions of the place X in the plane, and ``w`` the height of the surface above
-it (zero but for warped quadrilaterals), that is
+it (zero but for warped quadrilaterals and curved lines), that is
 
     X + alpha v(X) = Y,      w(X) + alpha c(X) = H
 
 for y at the place Y and the height H. Where normals are parallel this is the projection itself. The
 functions are linear on lines and triangles. On quadrilaterals they are bilinear like the faces; beyond
 the edges they go on linearly, as fitted to the corners: only where edges of the primary enter a cell
-matters there.
+matters there. The place of a point of a curved line is its reference coordinate along the chord; it
+lies at ``X + u(X)``, by which the first equation grows, and u and w are parabolas.
 """
 
 from __future__ import annotations
@@ -65,7 +66,10 @@ class Cells:
         Whether the facet is plane with straight edges.
     shape : ndarray of int, shape (nc,)
         `AFFINE`: a line, plane triangle or parallelogram, on which shape functions are polynomials;
-        `PART` of a curved facet; or `SKEW`: another quadrilateral.
+        `PART`: a curved line, or a part of a curved face; or `SKEW`: another quadrilateral.
+    bow : ndarray, shape (nc, d), or None
+        Of lines from the middles of the chords to the middle nodes, in the cells' coordinates; None
+        where all are straight, as those without middle nodes are.
     """
 
     kind: FacetKind
@@ -77,23 +81,23 @@ class Cells:
     normals: Array
     plane: Mask
     shape: Index
+    bow: Array | None
 
     @classmethod
     def of(cls, surface: ContactSurface) -> Cells:
         """Cut the facets of a surface into cells."""
         kind, c = surface.kind, surface.kind.corners
         straight = _straight(surface)
-        whole, cut, parts = np.flatnonzero(straight), np.flatnonzero(~straight), quarters(kind)
-        facet = np.concatenate([whole, np.repeat(cut, len(parts))])
-        reference = np.concatenate(
-            [
-                np.broadcast_to(kind.locations[:c], (len(whole), c, kind.dim)),
-                np.tile(parts, (len(cut), 1, 1)),
-            ]
-        )
-        N, _ = kind.shapes(reference)
-        x = N @ surface.points[surface.facets[facet]]
-        normals = unit(N @ surface.facet_node_normals[facet])
+        facet = np.arange(len(surface.facets))
+        reference = np.broadcast_to(kind.locations[:c], (len(facet), c, kind.dim))
+        x, normals = surface.points[surface.facets[:, :c]], surface.facet_node_normals[:, :c]
+        if kind.dim == 2 and not straight.all():
+            whole, cut, parts = np.flatnonzero(straight), np.flatnonzero(~straight), quarters(kind)
+            facet = np.concatenate([whole, np.repeat(cut, len(parts))])
+            reference = np.concatenate([reference[whole], np.tile(parts, (len(cut), 1, 1))])
+            N, _ = kind.shapes(reference)
+            x = N @ surface.points[surface.facets[facet]]
+            normals = unit(N @ surface.facet_node_normals[facet])
         origin, axes = _planes(x)
         turn = np.swapaxes(axes, 1, 2)
         corners = (x - origin[:, None]) @ turn
@@ -103,7 +107,10 @@ class Cells:
         if c == 4:
             skew = np.linalg.norm(np.einsum("c,ncd->nd", SADDLE, corners), axis=1) > round_off
             shape[straight[facet] & skew] = SKEW
-        return cls(kind.linear, facet, reference, origin, axes, corners, normals @ turn, plane, shape)
+        normals, bow = normals @ turn, None
+        if kind.dim == 1 and not straight.all():
+            bow = ((surface.points[surface.facets[:, 2]] - origin)[:, None] @ turn)[:, 0]
+        return cls(kind.linear, facet, reference, origin, axes, corners, normals, plane, shape, bow)
 
     @cached_property
     def positions(self) -> Array:
@@ -139,14 +146,17 @@ class Cells:
 
     @cached_property
     def _fields(self) -> tuple[Array, Array]:
-        """v, c and w: values at the origin and slopes (nc, d, d+1); what corners have more."""
-        at = self.corners[:, :, :-1]
-        design = np.concatenate([np.ones_like(at[:, :, :1]), at], axis=2)
-        values = np.concatenate([self.normals, self.corners[:, :, -1:]], axis=2)
-        scale = self.sizes[:, None, None] ** np.minimum(np.arange(at.shape[2] + 1.0), 1.0)
-        across = np.swapaxes(design / scale, 1, 2)
-        linear = np.linalg.solve(across @ design, across @ values)
-        return linear, values - design @ linear
+        """v, c and w: values at the origin and slopes (d, d+1, nc); corners have more (d+1, c, nc).
+
+        The origin is the mean of the corners: there is the mean of the values, too.
+        """
+        at = self.corners.T[:-1]
+        values = np.concatenate([self.normals, self.corners[:, :, -1:]], axis=2).T
+        zero = values.mean(axis=1)
+        metric, right = np.einsum("icn,jcn->ijn", at, at), np.einsum("icn,vcn->ivn", at, values)
+        slopes = _solve(metric, right)
+        more = values - zero[:, None] - np.einsum("icn,ivn->vcn", at, slopes)
+        return np.concatenate([zero[None], slopes]), more
 
     def images(self, cell: Index, local: Array) -> Array:
         """Return where lines begin that go along the normals through points.
@@ -163,31 +173,45 @@ class Cells:
             Places in the planes; ``nan`` beyond the focus of a hollow surface, where normals have
             crossed.
         """
-        if self.parallel.all():
+        if self.bow is None and self.parallel.all():
             return local[..., :-1]
         local = np.ascontiguousarray(local.T)  # component by component: long sums
         Y, H, dim = local[:-1], local[-1], self.kind.dim
         linear, more, limits = (
-            np.take(x.transpose(1, 2, 0), cell, axis=-1) for x in (*self._fields, self._limits)
+            np.take(x, cell, axis=-1) for x in (*self._fields, self._limits.transpose(1, 2, 0))
         )
         at_zero, slope, (least, most) = linear[0, :, None], linear[1:, :, None], limits[:, :, None]
         size = self.sizes[cell]
+        bow, half = None if self.bow is None else self.bow.take(cell, axis=0).T[:, None], 0.5 * size
         bent = self.kind.corners == 4 and np.abs(more).max(initial=0.0) > COMPUTED
         alpha, X = H, Y
+        eye, ways, rises = (
+            np.eye(dim)[..., None, None],
+            np.swapaxes(slope[:, :dim], 0, 1),
+            slope[:, dim:],
+        )
         for _ in range(NEWTON_STEPS):
             field = at_zero
             if bent:
                 inside = np.clip(
                     local_coordinates(self.corners[cell, :, :-1], np.moveaxis(X, 0, -1)), 0.0, 1.0
                 )
-                field = at_zero + np.einsum("npk,kcp->cnp", self.kind.shapes(inside)[0], more)
-            turn = np.eye(dim)[..., None, None] + alpha * np.swapaxes(slope[:, :dim], 0, 1)
-            new_X = _solve(turn, Y - alpha * field[:dim])
+                field = at_zero + np.einsum("npk,ckp->cnp", self.kind.shapes(inside)[0], more)
+            turn = eye + alpha * ways
+            there = Y - alpha * field[:dim]
+            if bow is not None:  # beyond the ends goes on what is there, straight
+                height = np.maximum(1 - (X / half) ** 2, 0.0)
+                rise = np.where(height > 0, X * (-2 / half**2), 0.0) * bow[:1]
+                turn = turn + rise
+                there = there + rise * X - height * bow[:1]
+            new_X = _solve(turn, there)
             # beyond a cell only its own lines matter: their slopes and heights are no others there
-            there = field[dim:] + sum(x * rise for x, rise in zip(new_X, slope[:, dim:], strict=True))
-            there = np.clip(there, least, most)
+            there = field[dim:] + sum(x * rise for x, rise in zip(new_X, rises, strict=True))
+            there = np.minimum(np.maximum(there, least), most)
+            if bow is not None:
+                there[1] = np.maximum(1 - (new_X[0] / half) ** 2, 0.0) * bow[1]
             new = (H - there[1]) / there[0]
-            change = np.abs(new - alpha) + np.linalg.norm(new_X - X, axis=0)
+            change = np.maximum(np.abs(new - alpha), np.abs(new_X - X).max(axis=0))
             alpha, X = new, new_X
             if not np.any(change > SETTLED * size):  # nan is beyond the focus
                 break
@@ -202,27 +226,27 @@ class Cells:
 
 
 def _straight(surface: ContactSurface) -> Mask:
-    """Facets whose edges are straight, with the other nodes and their normals in the middles, (nf,)."""
+    """Facets whose edges are straight, the other nodes and faces' normals in the middles, (nf,)."""
     kind = surface.kind
     if not kind.quadratic:
         return np.ones(len(surface.facets), dtype=bool)
     N, _ = kind.linear.shapes(kind.locations)
     x, normals = surface.points[surface.facets], surface.facet_node_normals
-    off = sizes(x - N @ x[:, : kind.corners]).max(axis=1)
-    bend = sizes(normals - unit(N @ normals[:, : kind.corners])).max(axis=1)
-    return np.asarray((off <= SOLVED * surface.lengths) & (bend <= SOLVED))
+    straight = sizes(x - N @ x[:, : kind.corners]).max(axis=1) <= SOLVED * surface.lengths
+    if kind.dim == 2:
+        bend = sizes(normals - unit(N @ normals[:, : kind.corners])).max(axis=1)
+        straight &= bend <= SOLVED
+    return np.asarray(straight)
 
 
 def quarters(kind: FacetKind) -> Array:
-    """Reference coordinates of the corners of the parts of a facet, (4, c, 2), of a line (2, 2, 1).
+    """Reference coordinates of the corners of the parts of a curved face, (4, c, 2).
 
     >>> from skfem_contact.bodies.facet_kinds import kind_of
     >>> quarters(kind_of(3, 6))[3].tolist()
     [[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]
     """
     corner = kind.locations[: kind.corners]
-    if kind.dim == 1:
-        return np.array([[corner[0], kind.middle], [kind.middle, corner[1]]])
     middle = 0.5 * (corner + np.roll(corner, -1, axis=0))
     if kind.corners == 3:
         return np.array([*([corner[i], middle[i], middle[i - 1]] for i in range(3)), middle])
@@ -245,10 +269,13 @@ def _planes(corners: Array) -> tuple[Array, Array]:
     """Means of corners (nc, c, d), and the axes in the plane there and its normal, (nc, d, d)."""
     x, c = corners - corners[:, :1], corners.shape[1]
     first, last = (x[:, 2], x[:, 3] - x[:, 1]) if c == 4 else (x[:, 1], x[:, -1])
-    normal = unit(across(np.stack([first, last][: x.shape[2] - 1], axis=1)))
-    along = unit(first - dot(first, normal)[:, None] * normal)
-    aside = [cross(normal, along)] if c > 2 else []
-    return corners.mean(axis=1), np.stack([along, *aside, normal], axis=1)
+    if c == 2:
+        axes = [along := unit(first), across(along[:, None])]
+    else:
+        normal = unit(across(np.stack([first, last], axis=1)))
+        along = unit(first - dot(first, normal)[:, None] * normal)
+        axes = [along, cross(normal, along), normal]
+    return corners.mean(axis=1), np.stack(axes, axis=1)
 
 
 def local_coordinates(corners: Array, points: Array) -> Array:

@@ -162,6 +162,9 @@ def clip(subject: Array, window: Array) -> Polygons:
     ([[0.5, 0.5], [1.0, 0.5], [1.0, 1.0], [0.5, 1.0]], [0.25])
     """
     p, n, dim = subject.shape
+    if dim == 1:
+        ends = np.clip(subject, window[:, :1], window[:, 1:])
+        return Polygons(ends, np.where(signed_areas(ends) > 0, n, 0))
     alive, rest, (start, inward) = np.arange(p), Polygons(subject, np.full(p, n)), sides(window)
     for k in range(window.shape[1]):
         rest = cut(rest, start[alive, k], inward[alive, k])

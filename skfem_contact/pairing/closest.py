@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from math import dist
 
 import numpy as np
 
@@ -25,8 +26,8 @@ def search_range(
 ) -> tuple[float, float]:
     """Largest distances at which partners are looked for: of open points, of overlapping ones."""
     if reach is None:
-        boxes = [np.linalg.norm(np.ptp(s.points, axis=0)) for s in (secondary, primary)]
-        return np.inf, 0.5 * float(min(boxes))
+        boxes = [dist(s.points.min(axis=0), s.points.max(axis=0)) for s in (secondary, primary)]
+        return np.inf, 0.5 * min(boxes)
     if not isinstance(reach, int | float | np.number) or not reach > 0:
         raise InputError(f"reach={reach!r} is not a positive length")
     return float(reach), float(reach)
@@ -52,12 +53,14 @@ def closest_facets(
 ) -> tuple[Index, Index, Array]:
     """Points that have a partner, in their order, their facets, and reference coordinates there."""
     side = Side(secondary, primary, outside, inside, margins(secondary, primary, extended))
-    m, nf = len(secondary.points), len(primary.facets)
-    bound, found, known = np.full(m, np.inf), [], []
+    m, guesses = len(secondary.points), _guesses(secondary, primary)
+    bound, found, known = np.full(m, np.inf), [], np.full(guesses.shape, -1)
     # first guesses bound the distance: the exact search then is short
-    for guess in _guesses(secondary, primary):
+    for column, guess in enumerate(guesses.T):
         left = np.flatnonzero(np.isinf(bound))
-        known.append(left * nf + guess[left])
+        if column and not len(left):
+            break
+        known[left, column] = guess[left]
         found.append(side.valid_pairs(left, guess[left]))
         point, facet, _, distance = found[-1]
         np.minimum.at(bound, point, distance + 2 * SOLVED * primary.lengths[facet])
@@ -72,7 +75,7 @@ def closest_facets(
     )
     # what is beside an end is no stationary point, but its facet is the nearest: hence the guess, too
     for point, facet in blocks:
-        new = ~np.isin(point * nf + facet, np.concatenate(known))
+        new = (known.take(point, axis=0) != facet[:, None]).all(axis=1)
         if new.any():
             found.append(side.valid_pairs(point[new], facet[new]))
     point, facet, xi, distance = (np.concatenate(column) for column in zip(*found, strict=True))
@@ -83,11 +86,11 @@ def closest_facets(
     return point[chosen], facet[chosen], xi[chosen]
 
 
-def _guesses(secondary: ContactSurface, primary: ContactSurface) -> list[Index]:
-    """Numbers of the facet nearest to each point and, where it is no partner, of the next one, (m,)."""
+def _guesses(secondary: ContactSurface, primary: ContactSurface) -> Index:
+    """The facet nearest to each point and, for where it is no partner, the next one, (m, 2 or 1)."""
     middles = Tree(primary.points.take(primary.facets, axis=0).mean(axis=1))
     few = np.arange(1, min(2, len(primary.facets)) + 1)
-    return list(middles.query(secondary.points, k=few, ordered=True)[1].T)
+    return middles.query(secondary.points, k=few, ordered=True)[1]
 
 
 def _most_opposite(
@@ -98,6 +101,8 @@ def _most_opposite(
     Rounded, so that round-off does not decide between two sides of a symmetric corner. Ties that are
     left are decided by where facets are, seen from the point, and not by their numbers.
     """
+    if np.all(point[1:] > point[:-1]):  # no two of them
+        return np.arange(len(point))
     facing = dot(secondary.normals.take(point, axis=0), primary.facet_normals.take(facet, axis=0))
     middle = primary.points[primary.facets[facet, : primary.kind.corners]].mean(axis=1)
     away = (middle - secondary.points[point]) / primary.lengths[facet][:, None]
@@ -289,9 +294,10 @@ def overhang(
 
 def nearby_facets(surface: ContactSurface, points: Array) -> tuple[Index, Index]:
     """Points, and facets among which all of the nearest to them are, whichever way anything looks."""
-    guess = Tree(surface.points[surface.facets].mean(axis=1)).nearest(points)
-    bound = sizes(points - project(surface, guess, points).foot)
-    bound += SOLVED * surface.lengths[guess]
+    # none is farther than the nearest node or middle of a facet
+    middles = surface.kind.shapes(surface.kind.middle)[0] @ surface.points[surface.facets]
+    bound = Tree(np.concatenate([surface.points, middles])).distances(points)
+    bound += SOLVED * surface.lengths.max()
 
     def in_reach(point: Index, nodes: Nodes) -> Mask:
         return np.asarray(sizes(points[point] - nodes.centre) - nodes.radius <= bound[point])

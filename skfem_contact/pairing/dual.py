@@ -212,6 +212,7 @@ def node_rows(kind: FacetKind) -> Array:
     return np.asarray(np.linalg.inv(positive_functions(kind)).T)
 
 
+@lru_cache
 def _distances(kind: FacetKind) -> Array:
     """Distances between the nodes of a line, an equilateral triangle or a square, shape (k, k)."""
     at = kind.locations

@@ -21,6 +21,7 @@ from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.facets import area_integrals
@@ -30,7 +31,7 @@ from skfem_contact.digits import GIVEN
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.projection import rim_points
 from skfem_contact.pairing.thresholds import ALONG
-from skfem_contact.pairing.vectors import dot
+from skfem_contact.pairing.vectors import dot, entries
 from skfem_contact.trees import Tree
 
 
@@ -86,11 +87,12 @@ def _mirrored(surface: ContactSurface) -> Mask:
     return np.asarray((surface.held.sum(axis=1) == 1) & (across <= GIVEN))
 
 
-def _mean(weights: object, values: Array) -> Array:
+def _mean(weights: csr_matrix, values: Array) -> Array:
     """Means of nodal values over the rows of a pairing; zero where a row is empty."""
-    size = abs(weights)  # type: ignore[arg-type, var-annotated]
-    total = np.asarray(size.sum(axis=1)).ravel()
-    return np.divide(size @ values, total, out=np.zeros_like(total), where=total > 0)
+    row, column, part = entries(weights)
+    size, m = np.abs(part), weights.shape[0]
+    total, sums = np.bincount(row, size, m), np.bincount(row, size * values[column], m)
+    return np.divide(sums, total, out=np.zeros(m), where=total > 0)
 
 
 # Of the undeformed surfaces that are still in use: the stiffness of a body does not change.
@@ -141,15 +143,17 @@ def plane_moduli(surface: ContactSurface) -> Array:
         # on a plane of symmetry the force has a part across that plane, from the boundary there
         p, ratio = dot(dilated, area) / size**2, Q / P
         modulus = ratio * (2 + (d - 2) * ratio) / (1 + (d - 1) * ratio) * p
-        length = total ** (1 / kind.dim)
-        diagonal = surface.body.K.diagonal()[surface.dofs].mean(axis=1) * length / size
     elastic = (dot(dilated, area) > ALONG * P * size) & np.isfinite(modulus) & (modulus > 0)
     elastic &= size > GIVEN * total  # at corners of quadratic triangles a is round-off
     inner = ~rim_points(surface, mirrored=False)
     known = elastic & inner
-    if not known.any():
-        return np.where(np.isfinite(diagonal) & (diagonal > 0), diagonal, 1.0)
-    modulus = np.where(elastic, modulus, diagonal)
+    if not (known.any() and elastic.all()):  # the diagonal takes as long as K is large
+        diagonal = surface.body.K.diagonal()[surface.dofs].mean(axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            diagonal = diagonal * total ** (1 / kind.dim) / size
+        if not known.any():
+            return np.where(np.isfinite(diagonal) & (diagonal > 0), diagonal, 1.0)
+        modulus = np.where(elastic, modulus, diagonal)
     borrowed = ~inner | ~np.isfinite(modulus) | ~(modulus > 0)
     _, nearest = Tree(surface.points[known]).query(surface.points[borrowed])
     modulus[borrowed] = modulus[known][nearest]

@@ -148,7 +148,7 @@ def dual_mortar(
     of_secondary, of_primary = mortar_normals(moments, basis.A, normal)
     M = M if exchange is None else M + exchange
     paired = (area > 0) & ~shared_nodes(secondary, primary)
-    sums = np.asarray(M.sum(axis=1), dtype=float).ravel()
+    sums = np.asarray(np.bincount(entries(M)[0], M.data, len(paired)), dtype=float)
     W_s, W_m = weights = divided(D, area, paired), divided(M, sums, paired)
     for W in weights:
         W.data[np.abs(W.data) < NO_WEIGHT] = 0.0
@@ -187,7 +187,7 @@ def facet_bases(
     """Multipliers of all facets: zero where nothing is covered, one each of those `pressed`."""
     surface = moments.pieces.secondary
     nf, k = surface.facets.shape
-    covered = np.unique(moments.e)
+    covered = moments.covered
     share = moments.own.sum(axis=2) @ positive_functions(surface.kind).T
     total = np.bincount(surface.facets.ravel(), share.ravel(), len(surface.points))[surface.facets]
     without = None if supports is None else without_multiplier(supports.rank)[covered]
@@ -302,7 +302,7 @@ def mortar_normals(moments: Moments, A: Array, own: Array) -> tuple[Array, Array
     corner = corner[:, None]
     of_primary = np.where(corner, own, of_primary)
     # an edge of the secondary, if its covered facets have several normals there
-    covered = np.unique(moments.e)
+    covered = moments.covered
     turned, node = np.zeros(len(own)), secondary.facets[covered]
     np.maximum.at(turned, node, angle_between(secondary.facet_node_normals[covered], -own[node]))
     sharp = ((turned > GIVEN) | (secondary.kinks > KINK))[:, None]

@@ -32,7 +32,7 @@ from skfem_contact.pairing.bulges import bulged_nodes
 from skfem_contact.pairing.closest import closest_facets, overhang, search_range
 from skfem_contact.pairing.projection import interpolated_normals
 from skfem_contact.pairing.thresholds import FACING, KINK
-from skfem_contact.pairing.vectors import dot, entries, ragged
+from skfem_contact.pairing.vectors import assembled, dot, entries, ragged
 from skfem_contact.records import dataclass
 from skfem_contact.trees import ODD
 
@@ -255,7 +255,7 @@ def _weights(
     """Shape functions (p, k) at the feet of some nodes as weights of the primary's nodes."""
     size = len(secondary.points), len(primary.points)
     at = np.repeat(point, shape.shape[1]), primary.facets[facet].ravel()
-    weights = csr_matrix((shape.ravel(), at), shape=size)
+    weights: csr_matrix = assembled(at, shape.ravel(), size)
     weights.eliminate_zeros()
     return shared_at_seams(secondary, primary, weights)
 

@@ -14,6 +14,8 @@ is interpolated between the averaged normals at corners, which is what keeps it 
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from skfem_contact.arrays import Array, Index, Mask
@@ -148,6 +150,7 @@ def _some(values: Array, chosen: Index) -> Array:
     return np.asarray(np.take(values.T, chosen, axis=-1).T)
 
 
+@lru_cache
 def _lattice(kind: FacetKind, parts: int) -> Array:
     """Reference coordinates all over a facet, its edges cut into some parts."""
     t = np.linspace(0.0, 1.0, parts + 1)
@@ -218,6 +221,8 @@ def _places(kind: FacetKind, xi: Array) -> Index:
     c = kind.corners
     on = _beyond(kind, xi) > -SOLVED
     place = np.where(on.any(axis=1), np.argmax(on, axis=1), -1)
+    if kind.dim == 1:
+        return place
     corner = on & np.roll(on, 1, axis=1)
     at = np.flatnonzero(corner.any(axis=1))
     place[at] = c + np.argmax(corner[at], axis=1)

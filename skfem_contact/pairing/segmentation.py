@@ -37,6 +37,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -181,8 +182,10 @@ class Segmentation:
         chosen = np.arange(len(shape)) if some is None else some
         if heights and not (self.secondary.kind.straight and self.primary.kind.straight):
             shape = np.full_like(shape, SKEW)
-        for kind in np.unique(shape[chosen]):
+        for kind in (AFFINE, PART, SKEW):
             mine = chosen[shape[chosen] == kind]
+            if not len(mine):
+                continue
             whose, simplices = self.pieces.some(mine).simplices(round_middle=kind == SKEW)
             at, w = self._rule(kind, heights)
             step = max(1, POINTS_AT_ONCE // len(w))
@@ -205,8 +208,11 @@ class Segmentation:
 
     def _seen(self, some: Index) -> Array:
         """Nodes of the facets of some pieces in the planes of their cells, (p, k, d-1)."""
-        x = self.secondary.points[self.secondary.facets[self.facets[0][some]]]
-        return self.cells[0].local(self.e[some], x)[..., :-1]
+        x, own = self.secondary.points[self.secondary.facets[self.facets[0][some]]], self.cells[0]
+        X = own.local(self.e[some], x)[..., :-1]
+        if own.bow is not None:
+            X[:, 2] -= own.bow[self.e[some], :-1]
+        return X
 
     def some(self, chosen: Index) -> Segmentation:
         """These pieces, in this order."""
@@ -229,26 +235,28 @@ class Segmentation:
         )
         corners = own.corners.take(e, axis=0)[:, None, :, :-1]
         at, slopes = own.kind.shapes(local_coordinates(corners, X))
-        N, x = at, X
+        N = at
         if secondary.kind.quadratic:
             N = secondary.kind.shapes(at @ own.reference[e])[0]
-            x = N @ nodes
         # in the plane of the cell, as seen along the normal
         normal, slope = own.normals.take(e, axis=0), None
         if own.parallel[e].all():
-            normal, x = normal[:, :1], x[..., : own.kind.dim]
+            normal, x = normal[:, :1], (N @ nodes)[..., :-1] if secondary.kind.quadratic else X
         else:
             normal = at @ normal
             slope = normal[..., :-1] / normal[..., -1:]
             x = N @ nodes
             x = x[..., :-1] - x[..., -1:] * slope
-        seen = corners = _seen(opposite, slope)
-        if primary.kind.quadratic:
+        seen = _seen(opposite, slope)
+        if not primary.kind.quadratic:
+            eta = local_coordinates(seen, x)
+        elif primary.dim == 2:
+            eta = _on_parabola(seen[..., 0] - x)
+        else:
             corners = _seen(own.local(e, other.positions.take(f, axis=0)), slope)
-        M = other.kind.shapes(local_coordinates(corners, x))[0]
-        if primary.kind.quadratic:
+            M = other.kind.shapes(local_coordinates(corners, x))[0]
             eta = _solve(primary.kind, seen, x, M @ other.reference[f])
-            M = primary.kind.shapes(eta)[0]
+        M = primary.kind.shapes(eta)[0]
         axes = own.axes.take(e, axis=0)
         return Meeting(*facets, N, M, normal, (nodes, opposite), axes, (at, slopes))
 
@@ -356,6 +364,22 @@ def _solve(kind: FacetKind, seen: Array, target: Array, eta: Array) -> Array:
     return eta
 
 
+def _on_parabola(c: Array) -> Array:
+    """Reference coordinates at which quadratic lines with nodal values c (..., 3) are zero.
+
+    Of ``a eta^2 + b eta + c0`` the root where it goes the way it goes from end to end, in the form
+    without loss. Where the parabola ends before it is zero, its vertex.
+    """
+    c0, a = c[..., 0], 2 * (c[..., 0] + c[..., 1]) - 4 * c[..., 2]
+    b = c[..., 1] - c0 - a
+    root = np.sqrt(np.maximum(b**2 - 4 * a * c0, 0.0))
+    surd = np.where(c[..., 1] >= c0, root, -root)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        eta = np.where(b * surd > 0, -2 * c0 / (b + surd), (surd - b) / (2 * a))
+    # half a facet beyond the end nothing is asked for
+    return np.clip(np.where(np.isnan(eta), 0.5, eta), -0.5, 1.5)[..., None]
+
+
 def _slopes(dN: Array, nodes: Array) -> list[Array]:
     """Derivatives of positions by each reference coordinate, (p, n, d) each, of nodes (p, k, d)."""
     return [np.ascontiguousarray(dN[..., i]) @ nodes for i in range(dN.shape[-1])]
@@ -389,6 +413,11 @@ class Moments:
     own: Array
     inside: Array
     cross: Array
+
+    @cached_property
+    def covered(self) -> Index:
+        """Facets of the secondary with a part that is covered, ascending."""
+        return np.flatnonzero(np.bincount(self.e, minlength=len(self.own)))
 
     @classmethod
     def of(cls, pieces: Segmentation) -> Moments:
