@@ -363,11 +363,11 @@ def cells_along_normals(
 
     count = len(secondary.facet)
     found = list(FacetTree.build(surface, count, cones=False).descend(count, seen))
-    e, facet = (np.concatenate(column) for column in zip(*found, strict=True))
-    # all cells of a facet
-    order = np.argsort(primary.facet, kind="stable")
-    first = np.searchsorted(primary.facet[order], np.arange(len(surface.facets) + 1))
-    cells = np.diff(first)[facet]
-    e, f = np.repeat(e, cells), order[ragged(first[facet], cells)]
+    e, f = (np.concatenate(column) for column in zip(*found, strict=True))
+    if len(primary.facet) > len(surface.facets):  # all cells of a facet
+        order = np.argsort(primary.facet, kind="stable")
+        first = np.searchsorted(primary.facet[order], np.arange(len(surface.facets) + 1))
+        cells = np.diff(first)[f]
+        e, f = np.repeat(e, cells), order[ragged(first[f], cells)]
     order = np.lexsort((f, e))
     return e[order], f[order]
