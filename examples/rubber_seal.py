@@ -139,3 +139,6 @@ axes[2].set(xlabel="pressure of the fluid [MPa]", ylabel="[MPa]", ylim=(0, None)
 axes[2].legend(frameon=False)
 axes[2].spines[["top", "right"]].set_visible(False)
 figure.savefig(out / "rubber_seal.png", dpi=90)
+
+error, tolerance = abs(borne / pushed - 1), 1e-6  # to which the bodies are in equilibrium
+assert error <= tolerance

@@ -144,13 +144,19 @@ def open_words(values: ContactValues, units: Mapping[str, str]) -> str:
 
 
 def note(ax: Any, lines: list[str], drawn: Array | None = None) -> None:
-    """A few words on a pale ground, in the corner where least is drawn: at points (p, 2), if known."""
+    """A few words on a pale ground, in the corner where least is drawn: at points (p, 2), if known.
+
+    Other words are covered last.
+    """
     corners = [(0.012, 0.985), (0.988, 0.985), (0.012, 0.015), (0.988, 0.015)]
     if drawn is not None and len(drawn):
-        at = ax.transLimits.transform(drawn)
-        wide, high = 0.018 * max(map(len, lines)), 0.055 * len(lines)
-        covered = [np.sum(np.all(np.abs(at - c) < (wide, high), axis=1)) for c in corners]
-        corners = [corners[int(np.argmin(covered))]]
+        words = [
+            t.get_position() for t in ax.texts if t.get_text() and t.get_transform() == ax.transData
+        ]
+        known = [ax.transLimits.transform(at) for at in (words, drawn) if len(at)]
+        size = 0.018 * max(map(len, lines)), 0.055 * len(lines)
+        covered = [[np.sum(np.all(np.abs(at - c) < size, axis=1)) for at in known] for c in corners]
+        corners = [corners[covered.index(min(covered))]]
     x, y = corners[0]
     ax.text(
         x, y, "\n".join(lines), transform=ax.transAxes, va="top" if y > 0.5 else "bottom",
