@@ -109,7 +109,6 @@ def result_radius(result: Any, body: Any) -> float:
 def test_residuals_fall_quadratically() -> None:
     """With the derivative of the load: the last residuals are as squares of those before."""
     for result in ring(FOAM, 0.06)[0].history([0.5, 1.0]):
-        print(result.newton)
         a, b, c = (iteration.residual for iteration in result.newton[-3:])
         assert b < 10 * a**2
         assert c < max(10 * b**2, 1e-12)
@@ -136,14 +135,17 @@ def test_pressures_of_load_steps(tmp_path: Path) -> None:
 
 
 def test_what_is_refused() -> None:
-    """Functions where nothing follows the boundary, unknown names, numbers that are none."""
-    mesh = fem.MeshQuad().refined(1).with_defaults()
+    """Functions where nothing follows the boundary or of other shapes, unknown names, no numbers."""
+    mesh = fem.MeshQuad().refined(1).with_defaults().with_boundaries({"nowhere": lambda x: x[0] > 2})
     body = block(mesh, fem.ElementQuad1())
     for given, message in (
         ({"rihgt": 1.0}, "did you mean 'right'"),
         ({"rihgt": lambda x: x[0]}, "did you mean 'right'"),
         ({"right": np.nan}, "not finite"),
         ({"right": lambda x: np.nan * x[0]}, "pressure"),
+        ({"right": lambda x: 0 * x}, r"has shape \(2, 2\) .* one number for each position"),
+        ({"right": lambda x: None}, "not made of real numbers; it must return one number"),
+        ({"nowhere": lambda x: x[0]}, "no facets in the mesh"),
     ):
         with pytest.raises(sc.errors.InputError, match=message):
             body.load(given, "f")

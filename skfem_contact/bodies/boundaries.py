@@ -62,12 +62,12 @@ def tractions(
         boundary_dofs(basis, name, what)
         place = f"{what} on boundary {name!r}"
         stress = _components(value, basis, place, "a traction [stress]", False, pressure=True)
-        _check_not_lost(stress, basis, name, place)
+        check_not_lost(stress, basis, name, place)
         load += _form(stress, measure).assemble(basis.boundary(name))
     return load
 
 
-def _check_not_lost(values: list[Any], basis: Any, name: str, place: str) -> None:
+def check_not_lost(values: list[Any], basis: Any, name: str, place: str) -> None:
     """Refuse values on a boundary without facets, unless they are none: scripts may name it for all."""
     if any(values) and not len(basis.mesh.boundaries[name]):
         raise InputError(
@@ -121,7 +121,7 @@ def displacements(
         dofs = boundary_dofs(basis, name, what)
         place = f"{what} on boundary {name!r}"
         values = _components(given[name], basis, place, "a displacement", True)
-        _check_not_lost(values, basis, name, place)
+        check_not_lost(values, basis, name, place)
         for k, value in enumerate(values):
             mine = dofs[component[dofs] == k]
             held = np.isin(mine, D)

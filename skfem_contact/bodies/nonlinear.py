@@ -12,10 +12,10 @@ from scipy.sparse import csr_matrix
 from skfem import ElementTetP1, ElementTriP1
 from skfem.assembly import BilinearForm, CellBasis, LinearForm
 
-from skfem_contact.arguments import check_switch, shown, with_known_keywords
+from skfem_contact.arguments import check_switch, numbers, shown, with_known_keywords
 from skfem_contact.arrays import Array, check_finite, check_size, rectangular
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.boundaries import boundary_dofs
+from skfem_contact.bodies.boundaries import boundary_dofs, check_not_lost
 from skfem_contact.bodies.equations import Continuum, Differentiated, Forms
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points
@@ -246,8 +246,9 @@ class NonlinearBody(Body):
             return super().load(f, what)
         varying = {name: value for name, value in f.items() if self.finite_strain and callable(value)}
         load = super().load({name: f[name] for name in f if name not in varying}, what)
-        for name in varying:
+        for name, value in varying.items():
             boundary_dofs(self.basis, name, what)
+            check_not_lost([value], self.basis, name, f"{what} on boundary {name!r}")
         pressures = self.fluid(varying)
         return load if pressures is None else load + self.pressed(pressures)[0]
 
@@ -259,9 +260,9 @@ class NonlinearBody(Body):
         pressures = np.zeros(mesh.nfacets)
         for name, value in f.items():
             if callable(value) or np.ndim(value) == 0:
-                facets = mesh.boundaries[name]
+                facets = np.asarray(mesh.boundaries[name])
                 middle = mesh.p[:, mesh.facets[:, facets]].mean(axis=1)
-                pressures[facets] += value(middle) if callable(value) else value
+                pressures[facets] += _pressure(value, middle, name) if callable(value) else value
         check_finite(pressures, "a pressure", "facet")
         return pressures if pressures.any() else None
 
@@ -335,3 +336,13 @@ class NonlinearBody(Body):
                 f"state of body {self.name!r} is {shown(state)}, not a dict of {sorted(known)}"
             )
         return {key: state[key] for key in known}
+
+
+def _pressure(function: Callable[[Array], Any], x: Array, name: str) -> Array:
+    """What a user's function says of the pressure at positions x (d, k) of a boundary, checked."""
+    what = f"what the pressure on boundary {name!r} returned"
+    usage = "it must return one number for each position (for tractions assemble a vector)"
+    found = numbers(function(x), what, usage)
+    if found.shape not in ((), x.shape[1:]):
+        raise InputError(f"{what} has shape {found.shape} for positions of shape {x.shape}; {usage}")
+    return found
