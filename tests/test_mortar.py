@@ -435,8 +435,9 @@ def test_reach():
     assert not dual_mortar(s, p, reach=0.09).paired.any()
     assert np.all(np.isinf(dual_mortar(s, p, reach=0.09).miss))
     assert_allclose(dual_mortar(s, p, reach=0.11).gap, dual_mortar(s, p).gap)
-    with pytest.raises(InputError, match=r"reach=-1\.0 must be a positive length"):
-        dual_mortar(s, p, reach=-1.0)
+    for wrong in (-1.0, "near"):
+        with pytest.raises(InputError, match=f"reach={wrong!r} is not a positive length"):
+            dual_mortar(s, p, reach=wrong)
 
 
 @pytest.mark.parametrize("depth, meets", [(0.48, True), (0.52, False)])

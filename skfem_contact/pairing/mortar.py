@@ -48,7 +48,6 @@ from skfem_contact.bodies.normals import angle_between, tangents, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import BENT
 from skfem_contact.digits import GIVEN, SOLVED
-from skfem_contact.errors import InputError
 from skfem_contact.pairing.bulges import TINY, Bulges, block_matrix
 from skfem_contact.pairing.closest import overhang, search_range
 from skfem_contact.pairing.dual import DualBasis, dual_basis, node_rows, positive_functions
@@ -136,8 +135,6 @@ def dual_mortar(
     >>> print((1 + pairing.primary_weights @ x).round(12))  # a linear field at both nodes
     [1. 2.]
     """
-    if reach is not None and not reach > 0:
-        raise InputError(f"reach={reach!r} must be a positive length")
     pieces = segment(secondary, primary, reach)
     moments, whole = Moments.of(pieces), whole_shares(secondary)
     supports = find_supports(pieces)
