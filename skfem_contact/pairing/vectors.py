@@ -20,15 +20,6 @@ def dot(v: Array, w: Array) -> Array:
     return np.einsum("...d,...d->...", v, w)
 
 
-def ahead(v: Array, normal: Array) -> Array:
-    """Components of plane vectors (..., 2) along normals turned by +90 degrees, the ways of travel.
-
-    >>> ahead(np.array([2.0, 3.0]), np.array([0.0, 1.0])).tolist()
-    -2.0
-    """
-    return np.asarray(v[..., 1] * normal[..., 0] - v[..., 0] * normal[..., 1])
-
-
 def turned(v: Array) -> Array:
     """Vectors turned by +90 degrees: outward normals become the direction of travel."""
     out = np.empty_like(v)
