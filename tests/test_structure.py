@@ -226,7 +226,6 @@ print(*[name.removeprefix("skfem_contact.") for name in sys.modules])
         "history.neutral_equilibrium",
         "linalg.amg",
         "loops.lemke",
-        "obstacles.level_set",
         "obstacles.shapes",
         "obstacles.triangles",
         "output",

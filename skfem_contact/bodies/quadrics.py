@@ -12,8 +12,8 @@ quadric is the circle through three nodes. Over a facet they are blended by its 
     f(x) = sum_k N_k f_k(x) = 0 :
 
 at the nodes this is the boundary's own point, and in between it is off by the third power of the size
-of the facet. At sharp edges and kinks (`kinks`) a node has no quadric: rings do not go beyond it,
-and the others are blended without it, whereby flats stay flat and fillets are exact.
+of the facet. At sharp edges and kinks (`normal_field`) a node has no quadric: rings do not go beyond
+it, and the others are blended without it, whereby flats stay flat and fillets are exact.
 
 A second-order facet that is straight has the quadrics of its corners, blended by the linear functions;
 a curved one those of all its nodes.

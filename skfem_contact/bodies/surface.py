@@ -85,7 +85,7 @@ class ContactSurface(NamesAttributes):
         the number ``c f + i``; the edges of a line are its start and its end.
     slopes : ndarray, shape (nf, 2)
         Slopes of the smooth boundary against the chord at start and end of each linear facet of a
-        curve, of the undeformed body (`kinks.end_slopes`); zero elsewhere.
+        curve, of the undeformed body (`normal_field.end_slopes`); zero elsewhere.
     end_turns : ndarray, shape (nf, c)
         Where a curve ends before or after a facet: by how much the boundary of the body turns there,
         > 0 at a convex corner [rad]; 0 elsewhere. From the undeformed mesh.

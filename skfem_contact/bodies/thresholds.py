@@ -23,7 +23,7 @@ PENALTY = 1e8
 # What corners of a face take of the middles of their edges where their own integrals are not positive.
 TAKEN = 0.2
 
-# -- normals -----------------------------------------------------
+# -- normal_field ------------------------------------------------
 
 # Two facets that meet at 45 degrees or more form a corner: no normal is averaged over it. Chamfers of
 # 45 degrees are common, and it is not left to round-off, of files in single precision neither.
@@ -45,7 +45,7 @@ STRAIGHT = 0.02
 # Turns by less [rad] are no kink: a weighted gap is then wrong by a ten thousandth of a facet.
 BENT = 1e-3
 
-# -- quadrics, rings ---------------------------------------------
+# -- quadrics ----------------------------------------------------
 
 # Neighbours that a quadric is fitted to, at least; where a node has less, theirs count, too. In the
 # plane these two tell all; in space five numbers are sought, and six nodes round one may lie on a cone.

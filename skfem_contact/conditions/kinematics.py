@@ -85,7 +85,7 @@ class Kinematics:
     vertex : ndarray of int, shape (m,)
         The primary node whose row a point carries in place of its own; -1 where none.
     gap_weights : csr_matrix, shape (m, m), or None
-        Gaps given at the points in those of the rows (`pairing.control`); None where they are the same.
+        Gaps given at the points in those of the rows (`pairing.node`); None where they are the same.
     scaled : ndarray, shape (m, d-1, d), or None
         `axes`; None where they are the tangents.
 

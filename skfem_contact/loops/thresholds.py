@@ -4,7 +4,7 @@ from __future__ import annotations
 
 # -- complementarity ---------------------------------------------
 
-# The part of slips that are the same but for round-off (`projection.same_slip`) which a solve itself
+# The part of slips that are the same but for round-off (`same_slip`) which a solve itself
 # leaves, as a rule: what a stiffness makes of it stays below the forces. With ten times as much the
 # friction of a ring that is turned by far more than it strains is off.
 SOLVED_SLIP = 0.1

@@ -165,15 +165,12 @@ class CornerContacts:
 
     Attributes
     ----------
-    tilt : float
-        `LEAN`.
     own, other : tuple of Corners and the facets they meet
         The corners of the secondary on facets of the primary, and the other way round.
     """
 
     secondary: ContactSurface
     primary: ContactSurface
-    tilt: float
     own: tuple[Corners, Met]
     other: tuple[Corners, Met]
 
@@ -196,7 +193,7 @@ class CornerContacts:
         found = [met.facet]
         for next_facet in beside.T:
             lean = corners.lean(met.corner, self.secondary, next_facet)
-            leans = (lean > self.tilt) & (lean < corners.turn[met.corner] - self.tilt)
+            leans = (lean > LEAN) & (lean < corners.turn[met.corner] - LEAN)
             found.append(next_facet[leans & (next_facet >= 0)])
         return np.unique(np.concatenate(found))
 
@@ -268,7 +265,7 @@ def corner_contacts(
         held = np.array([(side, int(node)) in known for node in corners.node], dtype=bool)
         tilt = np.where(held, -SLACK, LEAN)
         found.append((corners, meet(corners, own, other, tilt, limits, only_overlaps)))
-    return CornerContacts(secondary, primary, LEAN, *found)
+    return CornerContacts(secondary, primary, *found)
 
 
 def unselected_sides(own: ContactSurface, other: ContactSurface) -> list[tuple[int, float]]:

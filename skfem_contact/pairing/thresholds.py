@@ -67,7 +67,7 @@ KINK = float(np.radians(2.0))
 # The spread of normals at which a surface has a corner, 45 degrees [rad].
 SPREAD = float(np.arccos(CORNER))
 
-# -- overlaps of solids (answers.validity.unseen) -----------------
+# -- overlaps of solids (answers.validity.edges) ------------------
 
 # Turn of a boundary from which on an edge is sharp [rad]: with less it may stand for a curve of 16
 # faces to the circle (`bodies.thresholds.STEEPEST`), also just that and round-off.

@@ -295,7 +295,7 @@ def stiffness_error(result: Answer, contact: Contact, values: ContactValues, tra
     diagonal = np.concatenate([K.diagonal() for K in result.stiffness])
     k = compliance_scale(rows, diagonal).reshape(-1, t).min(axis=1) / np.sum(stick)
     lost = np.where(stick, k / (k + G), 0.0)[:, None] * traction[:, 1:]
-    # of faces some nodes have none, see `pairing.control`
+    # of faces some nodes have none, see `pairing.node`
     area = (values.surface if values.surface.dim == 2 else values).area[:, None]
     return float(np.sqrt(np.sum(area * lost**2) / np.sum(area * traction**2)))
 
