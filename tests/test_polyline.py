@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import pickle
+import tracemalloc
 import warnings
 
 import numpy as np
@@ -244,6 +245,20 @@ def test_outlines_that_are_none_are_refused(points, given, words):
     """Too few points, edges without length, outlines that cross or touch themselves."""
     with pytest.raises(sc.errors.InputError, match=words):
         sc.RigidPolyline(points, **given)
+
+
+def test_long_edges_beside_many_short_ones_cost_little():
+    """Edges are looked at near each other, not in all pairs; one that crosses is found all the same."""
+    arc = np.pi * (1 + np.arange(1000) / 999)
+    points = np.vstack([np.column_stack([np.cos(arc), np.sin(arc)]), [(1, 5), (-1, 5)]])
+    tracemalloc.start()
+    sc.RigidPolyline(points, closed=True)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 1000**2  # all pairs take tens of bytes each
+    points[-1] = (0.0, -1 - 1e-9)
+    with pytest.raises(sc.errors.InputError, match="crosses itself"):
+        sc.RigidPolyline(points, closed=True)
 
 
 def test_an_outline_that_comes_back_to_its_first_point_is_closed():

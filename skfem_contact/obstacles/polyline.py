@@ -8,15 +8,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import check_name, check_switch, numbers, take, with_known_keywords
-from skfem_contact.arrays import Array, Index
+from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.selection import written
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.bends import cut_edges
 from skfem_contact.obstacles.obstacle import Faceted, volume
+from skfem_contact.pairing.search import FacetTree, Nodes
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
-from skfem_contact.trees import Tree
 
 #: Distance over the largest coordinate at which two points may be one: coordinates that were turned
 #: and moved are wrong by a few halves of their last digit.
@@ -142,13 +143,20 @@ def _check_edges(points: Array, closed: bool, label: str) -> None:
 
 
 def _near_edges(start: Array, end: Array, touching: float) -> tuple[Index, Index]:
-    """Pairs of edges whose circles meet, each once, the smaller number first."""
-    radius = 0.5 * np.linalg.norm(end - start, axis=1) + touching
+    """Pairs of edges near each other, all that meet among them; each once, the smaller number first."""
+    radius = 0.5 * sizes(end - start) + touching
     middle = 0.5 * (start + end)
-    # long edges are asked one by one: their circle is no guide for the short ones
-    i, j = Tree(middle).pairs(middle, 2 * float(radius.max()))
-    near = (i < j) & (np.linalg.norm(middle[i] - middle[j], axis=1) <= radius[i] + radius[j])
-    return i[near], j[near]
+
+    def met(edge: Index, nodes: Nodes) -> Mask:
+        reach = radius[edge] + nodes.radius + touching
+        return np.asarray(sizes(middle[edge] - nodes.centre) <= reach)
+
+    tree = FacetTree.over(np.minimum(start, end), np.maximum(start, end))
+    i, j = (np.concatenate(part) for part in zip(*tree.descend(len(middle), met), strict=True))
+    near = (i < j) & (sizes(middle[i] - middle[j]) <= radius[i] + radius[j])
+    i, j = i[near], j[near]
+    order = np.lexsort((j, i))
+    return i[order], j[order]
 
 
 def _cross(a: Array, b: Array, c: Array, d: Array, touching: float) -> NDArray[np.bool_]:
