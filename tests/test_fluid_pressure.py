@@ -114,7 +114,7 @@ def test_residuals_fall_quadratically() -> None:
         assert c < max(10 * b**2, 1e-12)
 
 
-def test_pressures_of_load_steps(tmp_path: Path) -> None:
+def test_pressures_of_load_steps(tmp_path: Path, caplog: Any) -> None:
     """By name, as a function, as a multiple, kept where a step does not name loads, and on disk."""
     solver, body = ring(FOAM, 0.06)
     full, kept = solver.history([1.0, {"motion": {"floor": (0.0, 0.0)}}])
@@ -129,6 +129,11 @@ def test_pressures_of_load_steps(tmp_path: Path) -> None:
     (there,) = solver.history(steps, start=half)
     (other,) = ring(FOAM, 0.06)[0].history(steps, start=solver.load_state(path))
     assert np.array_equal(there.u, other.u)
+    # taken back, without a word of empty boundaries
+    caplog.clear()
+    *_, free = solver.history([1.0, 0.0])
+    assert abs(free.u).max() < 1e-12
+    assert not caplog.records
     # a vector keeps its direction
     dead = solver.solve(f={"ring": body.f})
     assert abs(dead.u - full.u).max() > 0.005
