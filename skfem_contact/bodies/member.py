@@ -13,6 +13,7 @@ from scipy.sparse import csr_matrix
 from skfem_contact.arguments import NamesAttributes
 from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.digits import SOLVED
+from skfem_contact.sealed import sealed
 
 Index = np.ndarray
 
@@ -77,7 +78,7 @@ class Member(NamesAttributes, ABC):
     @cached_property
     def rotations(self) -> np.ndarray:
         """DOFs that are rotations: angles, loaded by moments; none of a body with a mesh."""
-        return np.flatnonzero(self.dof_component >= self.components)
+        return sealed(np.flatnonzero(self.dof_component >= self.components))
 
     nonlinear: bool = False
     finite_strain: bool = False

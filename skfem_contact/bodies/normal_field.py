@@ -218,7 +218,7 @@ def kink_angles(points: Array, facets: Index, kind: FacetKind, twins: Index) -> 
     """Angle by which a surface turns at nodes on an edge beside a flat, shape (m,); else 0 [rad].
 
     Flat is a facet on whose far side, at the other end of a line, the opposite edge of a quadrilateral
-    or the opposite vertex of a triangle, the surface turns by less than a quarter of that: on curved
+    or the opposite vertex of a triangle, the surface turns by less than `STRAIGHT` of that: on curved
     surfaces turns are alike, and where a curve ends at a tangent the last is half of the others. Beyond
     the end of a surface nothing is known, and no facet there is flat; none before a corner is.
 
