@@ -28,6 +28,7 @@ from skfem_contact.linalg.backend import Backend, BodyFactor
 from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
 from skfem_contact.linalg.direct import Direct, IndefiniteFactor
 from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
+from skfem_contact.linalg.multifrontal.ordering import nodes_of
 from skfem_contact.linalg.thresholds import NO_PIVOT
 from skfem_contact.once import Lock, once
 from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS, SAME_LOAD
@@ -414,8 +415,7 @@ def anchors(body: Body, wanted: Index, modes: Array) -> Index:
     """
     R = modes / largest(modes)
     points, chosen = body.dof_points, np.zeros(0, dtype=int)
-    # DOFs of one node have one number, as irrational weights make of its place
-    node = sum(np.sqrt(w) * x for w, x in zip((2.0, 3.0, 5.0), points.T, strict=False))
+    node, _ = nodes_of(points)
     # of a node that contact touches too: rows of two anchors would make that of a gap
     touched = np.isin(node, node[wanted])
     touched[body.D] = True
