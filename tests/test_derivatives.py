@@ -805,6 +805,7 @@ def test_wrong_questions_are_refused():
         "after is by": lambda: result.sensitivity("gap", after=result.sensitivity("friction")),
         r"has shape \(3,\), not \(5,\)": lambda: result.sensitivity("gap").dot({"gap": np.ones(3)}),
         "name 'heat'": lambda: result.sensitivity("gap").dot({"heat": 1.0}),
+        "one for each body": lambda: result.sensitivity("gap").dot({"displacement": np.ones(50)}),
         r"return \(value, derivatives\)": lambda: solver.gradient(lambda r: 1.0, [STEP], by="gap"),
         "1 results": lambda: solver.gradient(lambda r: (1.0, []), [STEP], by="gap"),
         "by is empty": lambda: solver.gradient(lambda r: (1.0, [None]), [STEP], by=[]),
@@ -819,6 +820,16 @@ def test_wrong_questions_are_refused():
     smooth = pressed().solve(x={"block": {"top": (0.0, -0.01)}})
     with pytest.raises(sc.errors.InputError, match="without friction nothing tangential"):
         smooth.sensitivity("gap").slip  # noqa: B018
+
+
+def test_a_contact_may_have_the_name_of_a_quantity():
+    """An array is the derivative by the quantity, a dict those by the quantities of the contact."""
+    body = block("block", D="top")
+    contact = sc.Contact(body.surface("bottom"), FLOOR, name="force", friction=sc.Coulomb(0.3))
+    [result] = sc.ContactSolver(body, contact).history([STEP])
+    found = result.sensitivity("friction")
+    for weights in ({"force": np.ones(2)}, {"force": {"force": np.ones(2)}}):
+        assert_allclose(found.dot(weights), found.force.sum(), rtol=1e-14)
 
 
 @pytest.mark.skipif(importlib.util.find_spec("jax") is None, reason="needs JAX")

@@ -285,6 +285,14 @@ def test_conjugate_gradients_end_at_round_off_where_asked():
     assert_allclose(x, 1e8 * b, rtol=0, atol=1e-6 * 1e8)
 
 
+@pytest.mark.parametrize("load", [np.nan, np.inf])
+def test_conjugate_gradients_do_not_answer_what_is_no_number(load):
+    """Zero is no answer to such a load: that nothing converges is said."""
+    A = sp.identity(4, format="csr")
+    with pytest.raises(LinearSolveError, match="the residual is nan"):
+        conjugate_gradients(A, np.array([1.0, load, 0.0, 0.0]), lambda r: r, 1e-10, 10)
+
+
 def test_amg_solves_unsymmetric():
     """Slipping points make the matrix unsymmetric: GMRES then reaches the same tolerance."""
     K, points = body()

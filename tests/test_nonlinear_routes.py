@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from typing import Any
 
 import numpy as np
@@ -175,3 +177,26 @@ def test_memory_of_factors_is_used_again_when_nobody_reads_it() -> None:
     again = condensed(4.0)
     assert again.panels[0][0].ctypes.data == where
     np.testing.assert_allclose(4 * again.response(inside)(*given), found, rtol=1e-13)
+
+
+def test_factors_go_with_their_iterate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the garbage collector, which comes by the number of objects and not by their size."""
+    made: list[weakref.ref[Any]] = []
+    condensed = sc.linalg.Direct.condensed
+
+    def noted(self: Any, body: Any, *given: Any) -> Any:
+        factor = condensed(self, body, *given)
+        if body.nonlinear:
+            made.append(weakref.ref(factor))
+        return factor
+
+    monkeypatch.setattr(sc.linalg.Direct, "condensed", noted)
+    solver, steps = plane("auto")
+    gc.collect()
+    gc.disable()
+    try:
+        for number, result in enumerate(solver.history(steps), start=1):
+            assert len(made) >= 2 * number
+            assert sum(factor() is not None for factor in made) <= 2, result
+    finally:
+        gc.enable()

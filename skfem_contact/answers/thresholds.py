@@ -13,6 +13,10 @@ NO_LOAD = 1e-10
 # the README's scene, pressed and released, is then wrong by a third of that.
 COARSE = 0.05
 
+# Errors are told relative to the computed traction, from what it shows beside its edges. Up to this
+# share of it they are within a factor of three; beyond, points are too few to say by how much.
+ESTIMATED = 0.3
+
 # -- fields ------------------------------------------------------
 
 # Open nodes up to so many faces away tell where contact ends: two beyond those next to closed ones.
@@ -23,20 +27,14 @@ REACH = 3
 # Elements beyond so many half widths of contact count for less than a percent.
 FARTHEST = 10.0
 
-# -- error.sources -----------------------------------------------
-
-# Errors are told relative to the computed traction, from what it shows beside its edges. Up to this
-# share of it they are within a factor of three; beyond, points are too few to say by how much.
-ESTIMATED = 0.3
-
-# At the end of stick a square root misfits its nodes at least ten times as much as those beside
-# them, a smooth function with a jump in its curvature about as much.
-SHARPER = 3.0
-
 # -- error.surface -----------------------------------------------
 
 # Pieces of the edge of contact whose middles are nearest, among which the nearest piece is.
 SEGMENTS_NEAR = 6
+
+# At the end of stick a square root misfits its nodes at least ten times as much as those beside
+# them, a smooth function with a jump in its curvature about as much.
+SHARPER = 3.0
 
 # -- uniqueness, pieces ------------------------------------------
 
@@ -133,6 +131,9 @@ OVERLAP = 0.35
 # presses: on tips of domes between this and half of the approach forces are off by 2 to 19 %, by 0 to
 # 7 % where facets fall away by less.
 ALONE = 0.25
+
+# -- tangent.sides -----------------------------------------------
+
 # Changes of states, by point with a kink, before a derivative to one side is given up: directions of
 # friction are found in a handful.
 MOST_CHANGES = 50

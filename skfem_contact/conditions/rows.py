@@ -324,7 +324,7 @@ def tangential_matrix(B_t: csr_matrix, spring: Array) -> csr_matrix:
 
 
 def combined_rows(A: Array, rows: csr_matrix) -> csr_matrix:
-    """Combinations (m, t, t) of the rows of each point, of a matrix (m t, n)."""
+    """Combinations (m, k, t) of the rows of each point, of a matrix (m t, n), as rows (m k, n)."""
     m = len(A)
     out = csr_matrix(bsr_matrix((A, np.arange(m), np.arange(m + 1))) @ rows)
     out.sum_duplicates()

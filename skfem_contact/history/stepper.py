@@ -59,13 +59,16 @@ class Stepper(ByFields):
     options: Options
     barred: Mask | None = None
 
-    @cached_property
+    @property
     def held(self) -> Stepper:
         """Itself; where motions stay free whatever contact does, with as many DOFs held."""
-        loose = self.model.loose
-        if not loose.shape[1]:
-            return self
-        return replace(self, model=self.model.with_springs(pins(self.model, loose)))
+        return self._pinned or self  # kept apart: a cycle would keep the memory of the factors
+
+    @cached_property
+    def _pinned(self) -> Stepper | None:
+        if not self.model.loose.shape[1]:
+            return None
+        return replace(self, model=self.model.with_springs(pins(self.model, self.model.loose)))
 
     @cached_property
     def starts(self) -> tuple[str, ...]:

@@ -209,11 +209,11 @@ def conjugate_gradients(
     """
     x, norm, iterations = np.zeros_like(b), float(np.linalg.norm(b)), 0
     r, p, rho = b, np.zeros_like(b), np.inf
-    while norm > 0.0:
+    while norm != 0.0:  # nor NaN: that is told below
         if np.linalg.norm(r) <= tol * norm or iterations >= most:
             r, p, rho = b - A @ x, np.zeros_like(b), np.inf
             residual = float(np.linalg.norm(r))
-            if residual <= tol * norm or (to_round_off and residual <= _round_off(A, x)):
+            if residual <= tol * norm < np.inf or (to_round_off and residual <= _round_off(A, x)):
                 break
             if iterations >= most:
                 raise not_within(residual / norm, tol, iterations)

@@ -20,9 +20,9 @@ from skfem_contact.arrays import Array
 from skfem_contact.errors import LinearSolveError
 from skfem_contact.records import dataclass
 
-# Of PETSc's options on the command line.
 logger = logging.getLogger("skfem_contact")
 
+# Of PETSc's options on the command line.
 PREFIX = "sc_"
 
 # The residual that conjugate gradients carry along drifts from the true one; an iteration is begun

@@ -15,7 +15,7 @@ from scipy.sparse import bmat, csr_matrix, diags, hstack, identity, vstack
 
 from skfem_contact.arrays import Array, Mask
 from skfem_contact.conditions.kinematics import Kinematics, prescribed_rows
-from skfem_contact.conditions.rows import tangential_matrix
+from skfem_contact.conditions.rows import combined_rows, tangential_matrix
 from skfem_contact.elimination.constraint import AffineConstraint, eliminate
 from skfem_contact.errors import ConstraintError
 from skfem_contact.linalg.backend import Stacked
@@ -128,11 +128,8 @@ class SparseSpace:
         if not conditions.coupling.any():
             return trial
         coupling = np.where((conditions.closed & ~conditions.stick)[:, None], conditions.coupling, 0.0)
-        m, t = coupling.shape
-        columns = np.arange(m * t)
-        spread = csr_matrix((coupling.ravel(), (columns // t, columns)), shape=(m, m * t))
-        rows = self.kin.B_n - spread @ self.kin.B_t
-        test = vstack([rows.tocsr()[closed], C[len(closed) :]]).tocsr()
+        rows = csr_matrix(self.kin.B_n - combined_rows(coupling[:, None], self.kin.B_t))
+        test = vstack([rows[closed], C[len(closed) :]]).tocsr()
         found = eliminate(test, np.zeros(test.shape[0]), self.D, None, prefer=self.prefer)
         if len(found.redundant):
             raise DependentRows

@@ -28,6 +28,7 @@ from skfem_contact.linalg.backend import Backend, BodyFactor
 from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
 from skfem_contact.linalg.direct import Direct, IndefiniteFactor
 from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
+from skfem_contact.linalg.multifrontal.ordering import nodes_of
 from skfem_contact.linalg.thresholds import NO_PIVOT
 from skfem_contact.once import Lock, once
 from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS, SAME_LOAD
@@ -36,6 +37,7 @@ from skfem_contact.records import dataclass
 logger = logging.getLogger("skfem_contact")
 
 Components = tuple[Array, Array]
+AsForce = Callable[[Array], Array] | None
 NO_LOAD: tuple[Array | None, Array, Array] = None, np.zeros(0), np.zeros(0)
 
 
@@ -76,21 +78,21 @@ class LoadSpan:
     factor : BodyFactor
     dofs : ndarray of int
         Of the body, that these loads are on.
-    as_force : callable
-        Turns their values into a load on the DOFs of the factor.
     """
 
-    def __init__(self, factor: BodyFactor, dofs: Index, as_force: Callable[[Array], Array]) -> None:
-        self._factor, self._dofs, self._as_force = factor, dofs, as_force
+    def __init__(self, factor: BodyFactor, dofs: Index) -> None:
+        self._factor, self._dofs = factor, dofs
         none = np.zeros(0, dtype=np.intp)
         self._known = Directions(none, none, np.zeros((0, 0)), np.zeros((factor.order.size, 0)))
         self._last = NO_LOAD
         self._lock = Lock()
 
-    def components(self, load: Array) -> Array | None:
+    def components(self, load: Array, as_force: AsForce = None) -> Array | None:
         """Components of a load (n,) along the directions; adds one where they do not span it.
 
-        None where there are too many directions already.
+        None where there are too many directions already. `as_force` turns values on `dofs` into a load
+        on the DOFs of the factor, by default they are. (It is not kept: a body's own would be a cycle
+        with its factors, and their memory wait for the garbage collector.)
         """
         whose, values, components = self._last
         if load is whose:  # most steps change one of many loads
@@ -116,14 +118,14 @@ class LoadSpan:
             return None
         with self._lock:
             if self._known is known:
-                self._add(rest / size)
+                self._add(rest / size, as_force)
                 return np.append(c, size)
-        return self.components(load)  # another thread has added one
+        return self.components(load, as_force)  # another thread has added one
 
-    def _add(self, direction: Array) -> None:
+    def _add(self, direction: Array, as_force: AsForce) -> None:
         known, values = self._known, np.zeros(len(self._dofs))
         values[known.acting] = direction
-        reduced = self._factor.eliminate(self._as_force(values))
+        reduced = self._factor.eliminate(as_force(values) if as_force else values)
         self._last = NO_LOAD
         self._known = replace(
             known,
@@ -235,8 +237,7 @@ class Substructure:
 
     def _remembering(self, factor: BodyFactor) -> Eliminated:
         """Factors, with nothing known of loads."""
-        moves = LoadSpan(factor, self.body.D, self._by_supports)
-        return Eliminated(factor, LoadSpan(factor, self.free, lambda f: f), moves)
+        return Eliminated(factor, LoadSpan(factor, self.free), LoadSpan(factor, self.body.D))
 
     @property
     def _factor(self) -> BodyFactor:
@@ -345,7 +346,7 @@ class Substructure:
         if len(self.kept) == 0 or not isinstance(self.body, Body):
             return None
         known = self._eliminated
-        force, move = known.forces.components(f), known.moves.components(x)
+        force, move = known.forces.components(f), known.moves.components(x, self._by_supports)
         return None if force is None or move is None else (force, move)
 
     def along(self, components: Components) -> Array:
@@ -414,8 +415,7 @@ def anchors(body: Body, wanted: Index, modes: Array) -> Index:
     """
     R = modes / largest(modes)
     points, chosen = body.dof_points, np.zeros(0, dtype=int)
-    # DOFs of one node have one number, as irrational weights make of its place
-    node = sum(np.sqrt(w) * x for w, x in zip((2.0, 3.0, 5.0), points.T, strict=False))
+    node, _ = nodes_of(points)
     # of a node that contact touches too: rows of two anchors would make that of a gap
     touched = np.isin(node, node[wanted])
     touched[body.D] = True

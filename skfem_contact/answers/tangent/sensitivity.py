@@ -225,9 +225,9 @@ def _named(answer: Answer, given: Any) -> Iterator[tuple[str | None, str, Any]]:
         raise InputError(f"derivatives by a result are {shown(given)}; give a dict by quantity")
     known = *AT_CONTACT, *ELSEWHERE, *answer.names
     for key, value in given.items():
-        if key not in known or (key in answer.names and not isinstance(value, Mapping)):
+        contact = key if key in answer.names and isinstance(value, Mapping) else None
+        if contact is None and key not in (*AT_CONTACT, *ELSEWHERE):
             raise InputError(f"derivatives by a result name {key!r}; they may name {', '.join(known)}")
-        contact = key if key in answer.names else None
         for what, own in value.items() if contact else [(key, value)]:
             yield contact, what, own
 
@@ -257,6 +257,11 @@ def _by_all(answer: Answer, out: Values, _: None, value: Any) -> None:
 
 def _by_displacement(answer: Answer, out: Values, _: None, given: Any) -> None:
     system = answer.system
+    if not isinstance(given, Mapping):
+        raise InputError(
+            f"the derivative by displacement is {shown(given)}; give one for each body, "
+            "{'block': array}, or by u for all of them"
+        )
     for body, value in given.items():
         member = system.bodies[system.index(body)]
         whole = np.zeros(system.n)

@@ -207,7 +207,7 @@ class Verge:
         self.direction = np.where(turns, way * self.slips[:, None], self.direction)
 
     def way(self) -> Way:
-        """What the points do, as `forward` takes it."""
+        """What the points do, as `Rates` takes it."""
         slip, closed = self.last_slip.copy(), self.held.closed.copy()
         gap = np.zeros(len(slip))
         gap[self.at], closed[self.at] = self.v[:, 0], ~self.open

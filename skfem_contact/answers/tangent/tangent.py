@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import block_diag, bsr_matrix, csr_matrix, vstack
+from scipy.sparse import block_diag, csr_matrix, vstack
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.arguments import numbers
@@ -39,6 +39,7 @@ from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.rows import combined_rows, tangential_matrix
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import SOLVED
@@ -330,7 +331,7 @@ class Tangent:
         stiffness = csr_matrix(block_diag(self.answer.stiffness, format="csr"))
         if self.conditions.gives:
             B_t = self.answer.kin.B_t
-            stiffness = csr_matrix(stiffness + B_t.T @ _by_points(self.spring) @ B_t)
+            stiffness = csr_matrix(stiffness + tangential_matrix(B_t, self.spring))
         return stiffness
 
     @property
@@ -377,17 +378,11 @@ def held_rows(kin: Kinematics, closed: Mask, stick: Mask, slope: Array | None = 
     """
     normal = kin.B_n
     if slope is not None and slope.size:
-        normal = csr_matrix(normal - _by_points(slope[:, None]) @ kin.B_t)
+        normal = csr_matrix(normal - combined_rows(slope[:, None], kin.B_t))
     held = [normal[closed]]
     if kin.tangents and stick.any():
         held.append(kin.B_t[np.repeat(stick, kin.tangents)])
     return csr_matrix(vstack(held))
-
-
-def _by_points(blocks: Array) -> bsr_matrix:
-    """A matrix with a block for each point on its diagonal."""
-    places = np.arange(len(blocks) + 1)
-    return bsr_matrix((blocks, places[:-1], places))
 
 
 def left_free(rows: csr_matrix, system: System) -> AffineConstraint:

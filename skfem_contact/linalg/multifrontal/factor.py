@@ -39,7 +39,7 @@ from scipy.linalg.lapack import dpotrf
 from skfem_contact.arrays import Array, Index
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.backend import BodyFactor
-from skfem_contact.linalg.dense_factors import mirror
+from skfem_contact.linalg.dense_factors import blocks, mirror
 from skfem_contact.linalg.multifrontal.fronts import (
     Fronts,
     Pattern,
@@ -50,7 +50,7 @@ from skfem_contact.linalg.multifrontal.fronts import (
 )
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.linalg.singular import NotPositiveDefinite, smallest_eigenvalue
-from skfem_contact.linalg.thresholds import LEAF, LOST, NEGLIGIBLE, ROWS_AT_ONCE, SUSPICIOUS
+from skfem_contact.linalg.thresholds import LEAF, LOST, NEGLIGIBLE, SUSPICIOUS
 
 
 class MultifrontalCholesky(BodyFactor):
@@ -317,8 +317,8 @@ class Leftovers:
         begin = self._used[odd] if not odd else self._memory.size - self._used[odd] - b * b
         self._used[odd] += b * b
         new = self._taken[front] = self._memory[begin : begin + b * b].reshape(b, b)
-        for k in range(0, b, ROWS_AT_ONCE):  # half of it: to touch memory for the first time takes long
-            new[k : k + ROWS_AT_ONCE, k:] = 0.0
+        for some in blocks(b):  # half of it: to touch memory for the first time takes long
+            new[some, some.start :] = 0.0
         return new, True
 
     def give_back(self, front: int) -> None:

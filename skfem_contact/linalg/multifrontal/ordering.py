@@ -70,7 +70,7 @@ def dissect(A: Any, points: np.ndarray, leaf: int, inside: np.ndarray | None = N
     >>> tree.owner.tolist(), tree.parent.tolist()
     ([3, 5, 2, 6, 1, 4, 0], [4, 4, 5, 5, 6, 6, 7])
     """
-    node, centres = _nodes(points)
+    node, centres = nodes_of(points)
     count, of_all = centres.shape[1], node
     if inside is not None:
         of_all = np.full(A.shape[0], -1)
@@ -164,7 +164,7 @@ def _groups(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.flatnonzero(change), np.cumsum(change) - 1
 
 
-def _nodes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def nodes_of(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Node of each DOF and positions of the nodes, (d, nodes); a node is the DOFs at one point."""
     # One number per point sorts faster than its coordinates. Should two points share a number,
     # they are treated as one node: a slightly worse cut, never a wrong one.
