@@ -337,6 +337,17 @@ def test_table_of_peers_is_that_of_the_stored_run(peers: Any) -> None:
     assert "GetFEM | failed: no module getfem |" in peers.table([absent])
 
 
+def test_peers_that_do_not_end_are_ended(
+    peers: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Their row says so."""
+    script = tmp_path / "asleep.py"
+    script.write_text("import time\nprint('begins', flush=True)\ntime.sleep(60)\n", encoding="utf-8")
+    monkeypatch.setattr(peers, "LIMIT", 0.2)
+    asleep = peers.Peer("asleep", str(script), ("press",), sys.executable)
+    assert peers.job(asleep, "press 6k", str(tmp_path)) == {"failed": "not done in 0.2 s"}
+
+
 def test_two_checkouts_pair_in_turn(run: Any) -> None:
     """3 s and 6 s in the middle, 2 s and 5 s at the least; what failed is named."""
     import pairing

@@ -206,6 +206,37 @@ def test_light_contact_after_a_long_way_has_factors_after_all(quick_multigrid):
         assert_allclose(result.force, with_factors.force, rtol=0, atol=1e-8 * abs(result.force[2]))
 
 
+def test_answers_that_are_not_taken_warn_of_nothing(quick_multigrid):
+    """What has too few digits is found again by factors, and what is to be said is said once."""
+    block, punch = blocks(0.49)
+    contact = sc.Contact(punch.surface("bottom"), block.surface("top"), gap=1.0)
+    solver = sc.ContactSolver([block, punch], [contact])
+    with pytest.warns(sc.ContactWarning, match="locks") as said:
+        solver.solve(x={"punch": {"top": (0.0, 0.0, -1.0 - 1e-4)}})
+    assert solver.linear_model.route == "condensed"
+    assert len(said) == 2  # of two bodies
+
+
+def test_steps_that_tighten_bolts_have_factors_after_all(quick_multigrid):
+    """They are solved with the section loose; what is known of steps to come holds for it, too."""
+    axes = np.linspace(0, 3, 10), np.linspace(0, 1, 4), np.linspace(-1.5, 0, 7)
+    mesh = fem.MeshHex.init_tensor(*axes)
+    below = lambda x: (x[0] > 1) & (x[0] < 2) & (x[2] < -0.5)  # noqa: E731
+    mesh = mesh.restrict(mesh.elements_satisfying(lambda x: ~below(x)))  # two legs, one is the bolt
+    sides = {"feet": lambda x: np.isclose(x[2], -1.5), "top": lambda x: np.isclose(x[2], 0)}
+    form, vector = linear_elasticity(*lame_parameters(1.0, 0.3)), fem.ElementVector(fem.ElementHex1())
+    frame = sc.Body.from_mesh(mesh.with_boundaries(sides), vector, form, D="feet", name="frame")
+    punch = blocks(0.3)[1]
+    contact = sc.Contact(punch.surface("bottom"), frame.surface("top"), gap=1.0)
+    bolt = sc.Bolt(frame, point=(0.5, 0.5, -0.9), axis=(0, 0, 1), name="leg")
+    solver = sc.ContactSolver([frame, punch], [contact], bolts=[bolt])
+    step = {"bolt": {"leg": {"force": 1e-7}}, "x": {"punch": {"top": (0.0, 0.0, -1.0 - 1e-4)}}}
+    assert solver.linear_model.choice.expecting(1).route == "multigrid"
+    for result in [solver.solve(**step), *solver.history([step])]:
+        assert result.certificate.equilibrium < 1e-9
+        assert "multigrid" not in str(result.report())
+
+
 @pytest.mark.filterwarnings("ignore:Body '.*' locks")
 @pytest.mark.parametrize(("nu", "route"), [(0.49, "multigrid"), (0.495, "condensed")])
 def test_what_takes_many_cycles_has_factors_after_all(quick_multigrid, nu, route):

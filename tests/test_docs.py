@@ -35,12 +35,12 @@ THEORY = "theory.md", "checks/theory.md"  # the user's, and that of those who ch
 
 
 def code_names(page: str) -> list[tuple[str, str]]:
-    """All code spans ``package.module.name`` of a page whose module is one of the library."""
+    """All code spans ``package.module.name`` of a page, by the package where there is no such module."""
     spans = re.findall(r"`([a-z_]+(?:\.\w+)+)`", (DOCS / page).read_text(encoding="utf-8"))
     found = {
         (module, span[len(module) + 1 :])
         for span in spans
-        for module in MODULES
+        for module in MODULES | {module.split(".")[0] for module in MODULES if "." in module}
         if span.startswith(module + ".")
     }
     return sorted(found)

@@ -392,6 +392,17 @@ def test_pairs_are_drawn(d):
         sc.output.plot_pairs(pairs.drop("*"))
 
 
+def test_pairs_of_a_list_are_drawn():
+    """Contacts with obstacles are left out, and those without a name are numbered as in a solver."""
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    both = stack(2, 1, 1)
+    side, other = both[1].surface("bottom"), both[0].surface("top")
+    pair, tool = sc.Contact(side, other), sc.Contact(side, sc.RigidPlane((0, 0), (0, 1)))
+    ax = sc.output.plot_pairs([tool, pair])
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["contact 2"]
+    pyplot.close("all")
+
+
 # ------------------------------------------------------------------------------- bad input
 
 

@@ -139,6 +139,47 @@ def test_pressures_of_load_steps(tmp_path: Path, caplog: Any) -> None:
     assert abs(dead.u - full.u).max() > 0.005
 
 
+def test_derivatives_of_an_answer_in_a_fluid() -> None:
+    """By the pressure and by the radius of a tube, as differences of two answers have them.
+
+    Both differences are by a width of 1e-4: they leave its square.
+    """
+
+    def tube(k: float, pressure: float = 0.2) -> sc.ContactSolver:
+        axes = np.linspace(1, 2, 7) * (1 + k), np.linspace(0, 1, 5)
+        mesh = fem.MeshQuad.init_tensor(*axes).with_defaults()
+        basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=3)
+        top = basis.get_dofs("top").all("u^2")
+        body = sc.NonlinearBody(basis, FOAM, f={"right": pressure}, D=top, name="tube", **AXISYMMETRIC)
+        floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        return sc.ContactSolver(body, sc.Contact(body.surface("bottom"), floor, interference=0.02))
+
+    width = 1e-4
+    less, more = tube(-width / 2), tube(width / 2)
+    result = tube(0.0).solve()
+    wider = result.sensitivity(sc.answers.Parameter("scene", between=(less, more, width))).u
+    found = (more.solve().u - less.solve().u) / width
+    assert_allclose(wider, found, rtol=0, atol=1e-8 * abs(found).max())
+    pressed = result.sensitivity("load").u  # by a factor on the pressure
+    ends = (tube(0.0, 0.2 * (1 + side * width / 2)).solve().u for side in (1, -1))
+    found = np.subtract(*ends) / width
+    assert_allclose(pressed, found, rtol=0, atol=1e-8 * abs(found).max())
+
+
+def test_a_small_vibration_in_a_fluid_is_that_of_its_mode() -> None:
+    """The fluid follows the boundary when inertia forces are added: their loop has its frequency."""
+    body = ring(FOAM, 0.06, 2)[1]
+    given = {"f": {"outer": 0.06}, "D": body.D, "mass": 1.0, "name": "ring"}
+    body = sc.NonlinearBody(body.basis, FOAM, **given)
+    floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    solver = sc.ContactSolver(body, sc.Contact(body.surface("low"), floor))
+    result = solver.solve()
+    modes = solver.modes(result, 1)
+    # bodies that are not linear are off by the square of the amplitude
+    found = solver.damping(result, modes, [1e-5], steps=2)
+    assert_allclose(found.frequency, modes.frequency, rtol=1e-6)
+
+
 def test_what_is_refused() -> None:
     """Functions where nothing follows the boundary or of other shapes, unknown names, no numbers."""
     mesh = fem.MeshQuad().refined(1).with_defaults().with_boundaries({"nowhere": lambda x: x[0] > 2})

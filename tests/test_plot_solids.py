@@ -213,6 +213,8 @@ def test_a_viewer_is_a_direction_that_up_is_not_along() -> None:
         sc.plot_deformed(result, viewer=(0, 0, 2))
     with pytest.raises(InputError, match=r"up \(2,\).*give a direction"):
         sc.plot_deformed(result, up=(0, 1))
+    with pytest.raises(InputError, match="viewer holds NaN"):
+        sc.plot_deformed(result, viewer=(0, np.nan, 1))
 
 
 def test_stress_of_solids(plain: None) -> None:

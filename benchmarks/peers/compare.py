@@ -18,12 +18,15 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
 import numpy as np
@@ -195,10 +198,16 @@ def job(peer: Peer, name: str, folder: str) -> dict[str, Any]:
             stderr=to,
             env=environment,
             cwd=folder,
+            start_new_session=True,
         )
+        late = Timer(LIMIT, os.killpg, (process.pid, signal.SIGKILL))  # with ccx that it runs
+        late.start()
         _, status, used = os.wait4(process.pid, 0)
+        late.cancel()
         process.returncode = os.waitstatus_to_exitcode(status)
         wall = time.monotonic() - begin
+    if wall > LIMIT:
+        return {"failed": f"not done in {LIMIT} s"}
     if process.returncode or not out.with_suffix(".npy").exists():
         said = log.read_text(errors="replace").strip().splitlines()
         return {"failed": said[-1] if said else f"ended with {process.returncode}"}
@@ -219,7 +228,10 @@ def measured(name: str, peers: list[Peer], rounds: int) -> list[dict[str, Any]]:
     with tempfile.TemporaryDirectory() as folder:
         fine = None
         if kind in FINE:
-            fine = judged(scene(FINE[kind]), job(PEERS[0], FINE[kind], folder)["u"])
+            found = job(PEERS[0], FINE[kind], folder)
+            if "failed" in found:
+                sys.exit(f"no measure, {FINE[kind]} failed: {found['failed']}")
+            fine = judged(scene(FINE[kind]), found["u"])
         for _ in range(rounds):
             for peer in chosen:
                 done[peer.name].append(job(peer, name, folder))
@@ -264,16 +276,19 @@ HEADS = (
 )
 
 
+def line(cells: Iterable[str]) -> str:
+    """A row of a table in Markdown."""
+    return "| " + " | ".join(cells) + " |"
+
+
 def table(rows: list[dict[str, Any]]) -> str:
     """The table in Markdown."""
-    lines = ["| " + " | ".join(HEADS) + " |", "|" + " --- |" * len(HEADS)]
+    lines = [line(HEADS), "|" + " --- |" * len(HEADS)]
     for row in rows:
         case, code = row["case"].split(", ", 1)
         cells = [case, f"{row['dofs']:,}", code]
         if "failed" in row:
-            lines.append(
-                "| " + " | ".join([*cells, f"failed: {row['failed']}"]) + " |" * (len(HEADS) - 3)
-            )
+            lines.append(line([*cells, f"failed: {row['failed']}"]) + " |" * (len(HEADS) - 4))
             continue
         off = row["errors"]
         cells += [
@@ -283,11 +298,7 @@ def table(rows: list[dict[str, Any]]) -> str:
             str(row["iterations"]),
         ]
         cells += [percent(off.get(key)) for key in ("force", "pressure", "largest", "friction")]
-        lines.append(
-            "| "
-            + " | ".join([*cells, f"{row['residual']:.0e}", f"{100 * row['overlap']:.2f} %"])
-            + " |"
-        )
+        lines.append(line([*cells, f"{row['residual']:.0e}", percent(row["overlap"])]))
     return "\n".join(lines)
 
 
@@ -299,10 +310,7 @@ SHORT = ("docs/cost.md", "paper.md")  # pages with a short table
 def short(rows: list[dict[str, Any]]) -> str:
     """A table of seconds and errors of the pressure: a row a code, a column a case."""
     found = {row["case"]: row for row in rows if "failed" not in row}
-    lines = [
-        "| " + " | ".join(["", *HEADS_OF_CASES.values()]) + " |",
-        "|" + " --- |" * (1 + len(HEADS_OF_CASES)),
-    ]
+    lines = [line(["", *HEADS_OF_CASES.values()]), "|" + " --- |" * (1 + len(HEADS_OF_CASES))]
     for code in dict.fromkeys(peer.name.removesuffix(", multigrid") for peer in PEERS):
         if code in LEFT_OUT:
             continue
@@ -312,7 +320,7 @@ def short(rows: list[dict[str, Any]]) -> str:
             cells.append(
                 f"{row['seconds']:.1f} ({100 * row['errors']['pressure']:.1f} %)" if row else "-"
             )
-        lines.append(f"| {code} | " + " | ".join(cells) + " |")
+        lines.append(line([code, *cells]))
     return "\n".join(lines).replace("|  |", "| |")
 
 

@@ -123,8 +123,7 @@ class Placed:
             else:
                 internal[part] = stiffness[i] @ u[part]
             if i in fluid:
-                load, slope = body.pressed(fluid[i], u[part])
-                beyond[part] = load - body.pressed(fluid[i])[0]
+                beyond[part], slope = fluid_beyond(body, fluid[i], u[part])
                 stiffness[i] = csr_matrix(stiffness[i] - slope)
         return Placed(
             sealed(u),
@@ -162,6 +161,12 @@ class Placed:
                 part = system.slice(body)
                 u[part], forces[part] = self.u[part], self.internal[part]
         return Origin(u, forces, self.stiffness)
+
+
+def fluid_beyond(body: Any, pressures: Array, u: Array) -> tuple[Array, csr_matrix]:
+    """What a fluid has on the boundary at u beyond its load on the undeformed one; the derivative."""
+    load, slope = body.pressed(pressures, u)
+    return load - body.pressed(pressures)[0], slope
 
 
 def point_forces(kin: Kinematics, state: LocalState) -> Array:

@@ -34,6 +34,7 @@ from skfem_contact.answers.tangent.modes import Modes, mass
 from skfem_contact.arguments import check_kind, numbers, shown
 from skfem_contact.arrays import Array
 from skfem_contact.assemblies.joints import aligned
+from skfem_contact.carried import copied
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, warn
 from skfem_contact.history.load_step import recover_all
@@ -196,10 +197,12 @@ def _cycled(
     solver: Any, start: ContactResult, row: Array, peak: float, steps: int, cycles: int
 ) -> tuple[Array, Array, int, bool, float, ContactResult]:
     """Loop, first loading, cycles, whether they closed, energy lost, and the last result."""
-    applied, angles = answer_of(start).case.applied, np.pi / steps * np.arange(2 * steps + 1)
+    angles, case = np.pi / steps * np.arange(2 * steps + 1), solver._begin(answer_of(start))
+    # a vector named in a step would take the place of pressures that follow the boundary
+    case = copied(case, scale=(None, case.scale[1]), factor=None, bolts=None)
 
     def under(forces: Array, begin: ContactResult, w: float) -> tuple[Array, list[ContactResult]]:
-        loads = [{"f": applied + force * row} for force in forces[1:]]
+        loads = [copied(case, f=case.f + force * row) for force in forces[1:]]
         results = list(solver.history(loads, start=begin))
         recover_all([answer_of(result) for result in results])
         return np.array([[w, *(row @ (r.u - start.u) for r in results)], forces]).T, results

@@ -120,7 +120,9 @@ class StepReader:
         return LoadCase(nothing, nothing, gap0, slip0, interference, motion)
 
     def read(self, step: Any, before: LoadCase) -> LoadCase:
-        """The loads in force after a step."""
+        """The loads in force after a step; one that was made of others here is taken as it is."""
+        if isinstance(step, LoadCase):
+            return step
         if isinstance(step, Mapping):
             unknown = set(step) - set(KEYS)
             if unknown:

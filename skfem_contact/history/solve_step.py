@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.certificate import certified
 from skfem_contact.answers.placed import Newton, Placed
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.validity.validity import Issued
@@ -131,6 +132,8 @@ class StepSolver(ByFields):
         result = self._answer(found, verdict, places, time.perf_counter() - begin)
         arrived = verdict.arrived
         if arrived:
+            if model.choice.few_steps:
+                _check_digits(result)
             leaning = second_order(found.advance.attempt) if rest is None else {}
             self.watch.look(result, issued, leaning)
             _tell(result, getattr(found, "remarks", {}))
@@ -261,6 +264,16 @@ class StepSolver(ByFields):
             placed=placed,
             newton=newton,
         )
+
+
+def _check_digits(result: Answer) -> None:
+    """Refuse an answer of multigrid, which ends at a share of the load, that has too few digits.
+
+    Where supports move bodies far into a light contact, that is a large share of the forces.
+    """
+    left = certified(result).equilibrium
+    if left > SOLVED:
+        raise LinearSolveError(f"forces are balanced to {left:.1e} of the largest")
 
 
 def _places(found: EquilibriumSearch, rest: Rest | None, interface: Interface) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ import numpy as np
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.interface import contact_names
 from skfem_contact.errors import InputError
 from skfem_contact.output.drawing import ABOVE, LINES, new_axes
 from skfem_contact.output.solids import UP, VIEWER, Part, faces_part, frame_of, picture
@@ -51,15 +52,16 @@ def plot_pairs(contacts: Sequence[Contact], ax: Any = None) -> Any:
     >>> len(ax.get_legend().get_texts())
     1
     """
-    names = [contact.name or "" for contact in contacts]
-    sides = [(c.secondary, c.primary) for c in contacts if isinstance(c.primary, ContactSurface)]
-    if not sides:
-        raise InputError("there are no pairs to draw; print(pairs) says what was near")
-    bodies = {id(side.body): side.body for both in sides for side in both}
-    whole = [body.surface(None) for body in bodies.values() if isinstance(body, Body)]
-    shades = [
-        (f"C{i % 10}", both, name) for i, (both, name) in enumerate(zip(sides, names, strict=True))
+    drawn = [
+        (name, (contact.secondary, contact.primary))
+        for name, contact in zip(contact_names(contacts), contacts, strict=True)
+        if isinstance(contact.primary, ContactSurface)
     ]
+    if not drawn:
+        raise InputError("there are no pairs to draw; print(pairs) says what was near")
+    bodies = {id(side.body): side.body for _, both in drawn for side in both}
+    whole = [body.surface(None) for body in bodies.values() if isinstance(body, Body)]
+    shades = [(f"C{i % 10}", both, name) for i, (name, both) in enumerate(drawn)]
     if whole[0].dim == 3:  # pairs are seen through bodies
         parts = [_part(surface, "#dddddd", 0.25) for surface in whole]
         parts += [_part(side, colour, 1.0) for colour, both, _ in shades for side in both]

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.arguments import numbers
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, check_finite
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
 from skfem_contact.bodies.surface import ContactSurface
@@ -192,6 +192,8 @@ def frame_of(viewer: Sequence[float] | Array, up: Sequence[float] | Array) -> Ar
     back, above = numbers(viewer, "viewer", usage), numbers(up, "up", usage)
     if back.shape != (3,) or above.shape != (3,):
         raise InputError(f"viewer has shape {back.shape} and up {above.shape}; {usage}")
+    check_finite(back, "viewer", "component")
+    check_finite(above, "up", "component")
     right = np.cross(above, back)
     if np.linalg.norm(right) <= COMPUTED * np.linalg.norm(back) * np.linalg.norm(above):
         raise InputError(f"viewer is {back.tolist()} and up {above.tolist()}; {usage}")

@@ -194,7 +194,8 @@ class LinearModel:
         """
         with self._lock:
             choice = self.choice.expecting(steps)
-            if self._bodies is not None and (new := choice.way) != (old := self.choice.way):
+            used = self._bodies is not None or self._sprung  # those have their choice from here
+            if used and (new := choice.way) != (old := self.choice.way):
                 reuse = self.substructures if new[0] == old[0] else ()
                 return self._like(reuse=reuse, steps=choice.steps)
             self.choice = choice

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 
 from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.placed import fluid_beyond
 from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import known_keywords, numbers, shown
 from skfem_contact.arrays import Array
@@ -139,7 +140,8 @@ def change(by: Parameter, tangent: Tangent) -> Values:
     if by.kind in SINGLE:
         return SINGLE[by.kind](by, tangent)
     answer, out = tangent.answer, Values()
-    own = {"load": answer.case.applied, "displacement": answer.case.x}.get(by.kind)
+    case, beyond = answer.case, answer.load - answer.case.f  # what fluids have on deformed boundaries
+    own = {"load": case.applied + beyond, "displacement": case.x}.get(by.kind)
     for i, at in _places(by, answer):
         for name, factor in _factors(by, tangent, i, at):
             count = factor.shape[-1] if by.kind == "motion" else len(factor)
@@ -247,6 +249,9 @@ def _in_scene(solver: Any, tangent: Tangent) -> Values:
     bodies = zip(answer.system.bodies, solver.system.bodies, solver.linear_model.stiffness, strict=True)
     borne = np.concatenate([_borne(there, K, answer.stretched(body)) for body, there, K in bodies])
     f = case.f - borne + kin.B_n.T @ local.normal_force
+    for i, pressures in case.fluid.items():
+        part = solver.system.slice(solver.system.names[i])
+        f[part] += fluid_beyond(solver.system.bodies[i], pressures, u[part])[0]
     gap0 = np.where(kin.paired, case.gap0, 0.0) + np.where(kin.paired, kin.B_n @ u, 0.0)
     out = {"f": f, "x": case.x, "gap0": gap0[:, None], "area": kin.area[:, None], "normal": kin.normal}
     if local.slip.size:
