@@ -35,7 +35,7 @@ THEORY = "theory.md", "checks/theory.md"  # the user's, and that of those who ch
 
 
 def code_names(page: str) -> list[tuple[str, str]]:
-    """All code spans ``package.module.name`` of a page, by the package where there is no such module."""
+    """Code spans ``package.module.name`` of a page, by the package where there is no such module."""
     spans = re.findall(r"`([a-z_]+(?:\.\w+)+)`", (DOCS / page).read_text(encoding="utf-8"))
     places = MODULES | {module.split(".")[0] for module in MODULES if "." in module}
     found = set()
