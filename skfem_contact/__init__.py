@@ -67,6 +67,9 @@ try:
     from skfem_contact.obstacles.rigid_body import RigidBody
 finally:
     if _COLLECTS:
+        if not gc.get_freeze_count():  # else a program has put objects there, which are to stay
+            gc.freeze()
+            gc.unfreeze()  # among what is old: the first look at what is young would take all of it
         gc.enable()
 
 if TYPE_CHECKING:
