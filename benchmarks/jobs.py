@@ -30,7 +30,7 @@ MU, STEPS = 0.3, 20  # of the history
 
 @dataclass(frozen=True)
 class Job:
-    """A job by its name: which kind, how fine (elements of block and punch, and upwards), which route."""
+    """A job by its name: which kind, and how fine: elements of block and punch, and upwards."""
 
     name: str
     kind: str

@@ -292,10 +292,15 @@ def test_whole_jobs_are_done_in_processes_of_their_own(run: Any) -> None:
 
     for job in whole_jobs.QUICK:
         row = whole_jobs.run(job, beside=str(ROOT))
-        assert "failed" not in row["history"] and row["apart"] == (None if job.kind == "import" else 0.0)
+        assert "failed" not in row["history"] and row["apart"] == (
+            None if job.kind == "import" else 0.0
+        )
         # 8 elements per fine half width: its edge is located within one; else round-off
         assert (row["history"].get("error") or 0.0) < (0.05 if "Hertz" in job.name else 1e-9)
-        assert sum(row["history"].get(part, 0.0) for part in whole_jobs.PARTS) <= row["history"]["job"] + 1e-6
+        assert (
+            sum(row["history"].get(part, 0.0) for part in whole_jobs.PARTS)
+            <= row["history"]["job"] + 1e-6
+        )
     failed = {"case": "large", "history": {"failed": "MemoryError"}}
     assert "| large | failed: MemoryError |" in whole_jobs.table([failed])
 

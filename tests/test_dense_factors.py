@@ -11,14 +11,11 @@ import skfem as fem
 from quick_elasticity import linear_elasticity
 
 import skfem_contact as sc
-from skfem_contact.linalg import Dense, NoPivot, cholesky, lu
+from skfem_contact.linalg import cholesky, lu
 
 
-@pytest.mark.parametrize("spd", [True, False])
-def test_no_equations(spd, capfd):
+def test_no_equations(capfd):
     """A dense factorisation of no equations has a solution without entries, and says nothing."""
-    solve = Dense().factorize(np.zeros((0, 0)), spd=spd).solve
-    assert solve(np.zeros(0)).shape == (0,)
     for factorise in (lu, cholesky):
         known = factorise(np.zeros((0, 0)))
         assert known.solve(np.zeros(0)).shape == (0,) and known.solve(np.zeros((0, 3))).shape == (0, 3)
@@ -30,9 +27,8 @@ def test_no_equations(spd, capfd):
 def test_a_pivot_that_is_missing():
     """Both factorisations name the row without a pivot: of the definite one it has to be positive."""
     for factorise, A in ((cholesky, np.diag([1.0, -1.0])), (lu, np.diag([1.0, 0.0]))):
-        with pytest.raises(NoPivot, match="row 1 has no pivot") as caught:
+        with pytest.raises(scipy.linalg.LinAlgError, match="row 1 has no pivot"):
             factorise(A)
-        assert caught.value.row == 1
 
 
 @pytest.mark.parametrize("factorise", [cholesky, lu])
@@ -86,9 +82,7 @@ def strict(monkeypatch):
 
 
 @pytest.mark.pairwise
-@pytest.mark.parametrize(
-    "linear", ["auto", sc.linalg.Direct(), Dense()], ids=["auto", "direct", "dense"]
-)
+@pytest.mark.parametrize("linear", ["auto", sc.linalg.Direct()], ids=["auto", "direct"])
 @pytest.mark.parametrize("law", [None, sc.Coulomb(0.3), sc.Coulomb(0.3, stiffness=1e2)], ids=str)
 @pytest.mark.parametrize("D", ["top", "all", "none"])
 @pytest.mark.parametrize("height", [-0.01, 0.5])

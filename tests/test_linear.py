@@ -22,7 +22,6 @@ from skfem_contact.errors import InputError, LinearSolveError, SingularMatrix
 from skfem_contact.linalg import (
     AMG,
     Backend,
-    Dense,
     Direct,
     FromSolver,
     as_linear_solver,
@@ -75,7 +74,6 @@ def name(backend: Backend) -> str:
 BACKENDS = [
     Direct(),
     Direct("superlu"),
-    Dense(),
     FromSolver(solver_direct_scipy()),
     AMG(tol=1e-12),
 ]
@@ -101,7 +99,7 @@ def test_solution(backend, dim, columns):
     assert factor.memory >= 0 and factor.name
 
 
-@pytest.mark.parametrize("backend", [Direct(), Dense(), FromSolver(solver_direct_scipy())], ids=name)
+@pytest.mark.parametrize("backend", [Direct(), FromSolver(solver_direct_scipy())], ids=name)
 def test_unsymmetric(backend):
     """With spd=False the direct backends solve unsymmetric systems."""
     K, points = body()
@@ -118,9 +116,6 @@ def test_choice_of_method():
     assert Direct().factorize(K, points=points).name == "multifrontal Cholesky"
     assert Direct().factorize(K).name == "SuperLU"
     assert Direct().factorize(K, points=points, spd=False).name == "SuperLU"
-    assert Dense().factorize(K).name == "dense Cholesky"
-    assert Dense().factorize(K.toarray(), spd=False).name == "dense LU"
-    assert Dense().factorize(K).memory == 8 * len(points) ** 2
 
 
 def test_dissection_beats_minimum_degree_in_3d():
@@ -131,7 +126,7 @@ def test_dissection_beats_minimum_degree_in_3d():
 
 
 @pytest.mark.parametrize("contrast", [1e6, 1e12])
-@pytest.mark.parametrize("backend", [Direct(), Direct("superlu"), Dense()], ids=str)
+@pytest.mark.parametrize("backend", [Direct(), Direct("superlu")], ids=str)
 def test_contrast_is_not_singular(backend, contrast):
     """Stiffnesses that differ by 1e12 are not taken for a free motion, nor cost digits."""
     K, points = body()
@@ -143,7 +138,7 @@ def test_contrast_is_not_singular(backend, contrast):
     assert_allclose(x, exact, rtol=1e-9, atol=1e-11 * abs(exact).max())
 
 
-@pytest.mark.parametrize("backend", [Direct(), Direct("superlu"), Dense()], ids=str)
+@pytest.mark.parametrize("backend", [Direct(), Direct("superlu")], ids=str)
 def test_slender_is_not_singular(backend):
     """A cantilever of 500 elements in a row is soft, not free."""
     K, points = body(cells=500, length=500.0)
@@ -156,7 +151,7 @@ def test_slender_is_not_singular(backend):
 @pytest.mark.pairwise
 @pytest.mark.parametrize("cells", [3, 10, 40])
 @pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("backend", [Direct(), Direct("superlu"), Dense()], ids=str)
+@pytest.mark.parametrize("backend", [Direct(), Direct("superlu")], ids=str)
 def test_floating_body_is_singular(backend, dim, cells):
     """A free rigid motion is noticed by every direct backend, whatever the mesh."""
     K, points = body(dim, cells=cells if dim == 2 else cells // 5 + 2, held=False)
@@ -194,8 +189,6 @@ def test_singular_without_symmetry():
     """Equal rows and zero rows are singular for LU as well."""
     A = np.array([[1.0, 2.0, 0.0], [1.0, 2.0, 0.0], [0.0, 1.0, 1.0]])
     for matrix in (A, A * [[0.0], [1.0], [1.0]]):
-        with pytest.raises(SingularMatrix, match="singular to working precision"):
-            Dense().factorize(matrix, spd=False)
         with pytest.raises(SingularMatrix, match="singular to working precision"):
             Direct().factorize(sp.csr_matrix(matrix), spd=False)
 
@@ -351,10 +344,8 @@ def test_as_linear_solver():
 
 def test_messages():
     """Unknown methods, missing positions and matrices that are not square are explained."""
-    with pytest.raises(InputError, match="known are 'auto', 'multifrontal' and 'superlu'"):
+    with pytest.raises(InputError, match="known are 'auto' and 'superlu'"):
         Direct("mumps")
-    with pytest.raises(InputError, match="points missing, spd=True"):
-        Direct("multifrontal").factorize(body()[0])
     with pytest.raises(InputError, match=r"shape \(2, 3\) is not square"):
         Direct().factorize(sp.csr_matrix(np.ones((2, 3))))
     with pytest.raises(NotImplementedError):
@@ -371,15 +362,12 @@ def test_settings_are_values():
 def test_matrix_is_not_changed():
     """No backend writes to the matrix or the modes, dense or sparse."""
     K, points = body()
-    modes, full = modes_of(points), K.toarray()
+    modes = modes_of(points)
     data, before = K.data.copy(), modes.copy()
     for backend in BACKENDS:
         backend.factorize(K, points=points, modes=modes)
-    Dense().factorize(full)
-    Dense().factorize(full, spd=False)
     assert_array_equal(K.data, data)
     assert_array_equal(modes, before)
-    assert_array_equal(full, K.toarray())
 
 
 def test_no_blas_is_missed():

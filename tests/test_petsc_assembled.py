@@ -331,7 +331,7 @@ def test_what_can_not_be_done_is_refused_in_words(tmp_path: Path) -> None:
         "rank 1 of 2: K of this rank is not symmetric",
         "dofs that the function gave have numbers twice",
         "the function gave a NoneType, not (dofs, matrix)",
-        "SingularMatrix: The matrix is singular to working precision: at DOF",
+        "SingularMatrix: The stiffness left at DOF",
         "answers: True",
         "soft: True",
         "all held: 0.0",

@@ -14,7 +14,7 @@ from skfem_contact.answers.thresholds import DIRECTIONS
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.state import OPEN, SLIP
 from skfem_contact.digits import COMPUTED, SOLVED
-from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, divide, lu
+from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, lu
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.thresholds import LOOSE
 from skfem_contact.records import dataclass
@@ -120,7 +120,8 @@ def orientation(
         J[np.searchsorted(free, t[on, k])] += (
             push[:, None] * space.S[np.ix_(space.normal_rows[on], free)]
         )
-    divide(J, size)
+    J /= size
+    J /= size[:, None]
     try:
         factors = lu(J, overwrite=True)
     except LinAlgError:

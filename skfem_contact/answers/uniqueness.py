@@ -69,7 +69,7 @@ from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.state import SLIP, STICK
 from skfem_contact.digits import SOLVED
-from skfem_contact.linalg.dense_factors import cholesky, divide
+from skfem_contact.linalg.dense_factors import cholesky
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.thresholds import LOOSE
 from skfem_contact.records import dataclass
@@ -406,7 +406,8 @@ class Form:
         M = self._matrix(share)
         scale = np.sqrt(np.diag(M))
         M[np.diag_indices_from(M)] -= diagonal
-        divide(M, scale)
+        M /= scale
+        M /= scale[:, None]
         # it is that of a matrix not farther away than its round-off
         M[np.diag_indices_from(M)] -= 10 * len(M) * np.finfo(float).eps
         try:

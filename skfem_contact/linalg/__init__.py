@@ -27,13 +27,12 @@ __getattr__, __dir__ = entrances(
     {
         "amg": "AMG conjugate_gradients hierarchy",
         "backend": "Backend",
-        "dense_factors": "NoPivot cholesky factorised lu nonnegative_least_squares",
-        "direct": "as_linear_solver Dense Direct FromSolver",
+        "dense_factors": "cholesky factorised lu nonnegative_least_squares",
+        "direct": "as_linear_solver Direct FromSolver",
         "krylov": "Anderson gmres",
         "multifrontal.factor": "MultifrontalCholesky SurfaceResponse",
         "multifrontal.fronts": "analyse factor_size find_runs",
         "multifrontal.ordering": "dissect dissection_order",
         "resources": "Limits single_threaded",
-        "singular": "NotPositiveDefinite",
     },
 )

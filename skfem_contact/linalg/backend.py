@@ -224,8 +224,8 @@ class Backend:
 
         Raises
         ------
-        NotPositiveDefinite
-            A ``numpy.linalg.LinAlgError``.
+        SingularMatrix
+            What is eliminated is not positive definite.
         """
         raise InputError(
             f"{type(self).__name__} factorises no bodies: contact is on all of their DOFs."
@@ -235,12 +235,7 @@ class Backend:
 def by_column(solve: Solve) -> Solve:
     """Let a solver of vectors take the columns of an array (n, r) one by one."""
 
-    def columns(b: np.ndarray) -> np.ndarray:
-        if b.ndim == 1:
-            return solve(b)
-        x = np.empty_like(b)
-        for column in range(b.shape[1]):
-            x[:, column] = solve(np.ascontiguousarray(b[:, column]))
-        return x
+    def column(b: np.ndarray) -> np.ndarray:
+        return solve(np.ascontiguousarray(b))
 
-    return columns
+    return lambda b: np.apply_along_axis(column, 0, b) if b.size else np.zeros_like(b)

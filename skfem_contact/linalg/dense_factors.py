@@ -26,20 +26,6 @@ from skfem_contact.linalg.thresholds import NO_PIVOT
 from skfem_contact.records import dataclass
 
 
-class NoPivot(LinAlgError):
-    """A pivot is zero, or negative where it has to be positive.
-
-    Attributes
-    ----------
-    row : int
-        Of the matrix.
-    """
-
-    def __init__(self, row: int) -> None:
-        super().__init__(f"row {row} has no pivot left once those before it are eliminated")
-        self.row = row
-
-
 @dataclass(frozen=True, eq=False)
 class DenseFactors:
     """Factors of a matrix A, from `cholesky` or `lu`.
@@ -120,8 +106,8 @@ def cholesky(A: Array, overwrite: bool = False) -> DenseFactors:
 
     Raises
     ------
-    NoPivot
-        If `A` is not positive definite; it is a `LinAlgError`.
+    LinAlgError
+        `A` is not positive definite.
 
     Examples
     --------
@@ -132,7 +118,7 @@ def cholesky(A: Array, overwrite: bool = False) -> DenseFactors:
         return DenseFactors(A)
     factors, failed = lapack.dpotrf(A, lower=1, clean=0, overwrite_a=overwrite)
     if failed:
-        raise NoPivot(failed - 1)
+        raise LinAlgError(f"row {failed - 1} has no pivot left once those before it are eliminated")
     return DenseFactors(factors)
 
 
@@ -147,14 +133,14 @@ def lu(A: Array, overwrite: bool = False) -> DenseFactors:
 
     Raises
     ------
-    NoPivot
-        If a pivot is exactly zero; round-off makes pivots that are not, see `DenseFactors.diagonal`.
+    LinAlgError
+        A pivot is exactly zero; round-off makes pivots that are not, see `DenseFactors.diagonal`.
     """
     if not A.size:
         return DenseFactors(A, np.zeros(0, dtype=np.int32))
     factors, exchanged, failed = lapack.dgetrf(A, overwrite_a=overwrite)
     if failed:
-        raise NoPivot(failed - 1)
+        raise LinAlgError(f"row {failed - 1} has no pivot left once those before it are eliminated")
     return DenseFactors(factors, exchanged)
 
 
@@ -214,12 +200,6 @@ def mirror(A: Array) -> None:
         block = A[begin:end, begin:end]
         np.copyto(block, block.T, where=~np.tri(len(block), dtype=bool))
         A[begin:end, end:] = A[end:, begin:end].T
-
-
-def divide(A: Array, scale: Array) -> None:
-    """``A_ij / (scale_i scale_j)``."""
-    for rows in blocks(len(A)):
-        A[rows] /= np.outer(scale[rows], scale)
 
 
 # Slope over the size of the matrix that is round-off, as in `scipy.optimize.nnls`.

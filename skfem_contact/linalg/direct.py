@@ -5,7 +5,6 @@ owns everything computed from A and solves for as many right-hand sides as asked
 
 * `Direct`: multifrontal Cholesky, or SuperLU where that does not apply;
 * `amg.AMG`: conjugate gradients, preconditioned by smoothed aggregation (pyamg);
-* `Dense`: LAPACK, for the small systems on contact DOFs;
 * `FromSolver`: any solver ``x = solver(A, b)`` as ``skfem.solve`` takes it.
 
 None of the direct solvers notices by itself that a matrix is singular: all return something.
@@ -26,16 +25,10 @@ from scipy.sparse.linalg import splu
 from skfem_contact.bodies.member import Member
 from skfem_contact.errors import InputError, LinearSolveError, SingularMatrix
 from skfem_contact.linalg.backend import Backend, BodyFactor, Factorisation, by_column
-from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
 from skfem_contact.linalg.multifrontal.fronts import Pattern
 from skfem_contact.linalg.multifrontal.ordering import dissection_order
-from skfem_contact.linalg.singular import (
-    NotPositiveDefinite,
-    check_eigenvalue,
-    check_pivots,
-    singular,
-)
+from skfem_contact.linalg.singular import check_eigenvalue, singular
 from skfem_contact.linalg.thresholds import ACCEPTED, LEAF
 from skfem_contact.records import dataclass
 
@@ -47,8 +40,8 @@ class Direct(Backend):
     Parameters
     ----------
     method : str
-        ``"multifrontal"`` (positive definite, needs points), ``"superlu"``, or ``"auto"``: the
-        first where it applies.
+        ``"superlu"``, or ``"auto"``: the multifrontal method where a matrix is positive definite and
+        points are known.
 
     Examples
     --------
@@ -65,10 +58,8 @@ class Direct(Backend):
     method: str = "auto"
 
     def __post_init__(self) -> None:
-        if not isinstance(self.method, str) or self.method not in ("auto", "multifrontal", "superlu"):
-            raise InputError(
-                f"Direct(method={self.method!r}): known are 'auto', 'multifrontal' and 'superlu'."
-            )
+        if not isinstance(self.method, str) or self.method not in ("auto", "superlu"):
+            raise InputError(f"Direct(method={self.method!r}): known are 'auto' and 'superlu'.")
 
     def condensed(self, body: Member, K: Any, free: np.ndarray, keep: np.ndarray) -> BodyFactor:
         """Condense by the multifrontal method, whatever `method` is."""
@@ -80,34 +71,9 @@ class Direct(Backend):
         self, A: Any, points: np.ndarray | None, modes: np.ndarray | None, spd: bool
     ) -> Factorisation:
         if points is not None and spd and self.method != "superlu":
-            return _multifrontal(sp.csr_matrix(A), points)
-        if self.method == "multifrontal":
-            raise InputError(
-                "Direct(method='multifrontal') needs points and a positive definite matrix "
-                f"(points {'missing' if points is None else 'given'}, spd={spd}): "
-                "use Direct() or Direct(method='superlu')."
-            )
+            factor = MultifrontalCholesky(A, points)
+            return Factorisation("multifrontal Cholesky", factor.memory, factor.solve)
         return _superlu(sp.csc_matrix(A), points, spd)
-
-
-@dataclass(frozen=True)
-class Dense(Backend):
-    """Dense Cholesky factorisation; LU with pivoting where `A` is unsymmetric."""
-
-    uses_modes = False
-
-    def _factorize(
-        self, A: Any, points: np.ndarray | None, modes: np.ndarray | None, spd: bool
-    ) -> Factorisation:
-        full = np.array(A.toarray() if hasattr(A, "toarray") else A, dtype=np.float64, order="F")
-        scale = full.diagonal().copy() if spd else np.abs(full).max(axis=0, initial=0.0)
-        try:
-            factors = (cholesky if spd else lu)(full, overwrite=True)
-        except NoPivot as error:
-            raise singular(error.row, 0.0) from error
-        pivots = factors.diagonal**2 if spd else factors.diagonal
-        check_pivots(pivots, scale, factors.solve)
-        return Factorisation("dense Cholesky" if spd else "dense LU", full.nbytes, factors.solve)
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +144,7 @@ def as_linear_solver(linear: Any) -> Backend:
     if callable(linear) and not isinstance(linear, type):
         return FromSolver(linear)
     raise InputError(
-        f"linear={linear!r} is no linear solver: use Direct(), AMG(), PETSc(), Dense() or a scikit-fem "
+        f"linear={linear!r} is no linear solver: use Direct(), AMG(), PETSc() or a scikit-fem "
         "solver such as skfem.utils.solver_direct_scipy()."
     )
 
@@ -194,14 +160,6 @@ def _pattern(body: Member, K: Any, points: np.ndarray, keep: np.ndarray, free: n
         found = Pattern.of(K, points, keep, LEAF, free)
         known = _PATTERNS[body] = given, found._replace(places=list(found.places))
     return known[1]
-
-
-def _multifrontal(A: Any, points: np.ndarray) -> Factorisation:
-    try:
-        factor = MultifrontalCholesky(A, points)
-    except NotPositiveDefinite as error:
-        raise singular(error.dof, error.ratio) from error
-    return Factorisation("multifrontal Cholesky", factor.memory, factor.solve)
 
 
 def _superlu(A: Any, points: np.ndarray | None, spd: bool) -> Factorisation:

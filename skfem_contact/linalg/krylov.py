@@ -11,7 +11,6 @@ import numpy as np
 
 from skfem_contact.arrays import Array
 from skfem_contact.digits import GIVEN
-from skfem_contact.linalg.thresholds import AT_FIRST, CANCELS
 from skfem_contact.records import dataclass
 
 Operator = Callable[[Array], Array]
@@ -85,43 +84,27 @@ def _cycle(
     product: Operator, precondition: Operator, r: Array, tolerance: float, most: int
 ) -> tuple[Array, int]:
     """The correction that leaves least of a residual, from a Krylov space of some directions."""
-    size, few = float(np.linalg.norm(r)), min(most, AT_FIRST)
-    V = np.empty((few + 1, len(r)))
-    Z = np.empty((few, len(r)))
-    V[0] = r / size
-    H = np.zeros((most + 1, most))
-    left = np.zeros(most + 1)  # the residual in the coordinates of the rotated space
-    left[0] = size
-    turns: list[tuple[float, float]] = []
-    count = 0
+    size = float(np.linalg.norm(r))
+    V, Z = np.empty((most + 1, len(r))), np.empty((most, len(r)))  # the system gives what is written to
+    H, b = np.zeros((most + 1, most)), np.append(size, np.zeros(most))
+    V[0], weights = r / size, np.zeros(0)
     for k in range(most):
-        if k == len(Z):
-            V, Z = (np.concatenate([A, np.empty((k, len(r)))]) for A in (V, Z))
         Z[k] = precondition(V[k])  # kept, as what they add up to would cost one more
         w = product(Z[k])
-        before, beyond = np.inf, float(np.linalg.norm(w))
-        while beyond < CANCELS * before:  # once more where little but round-off is left
+        long = float(np.linalg.norm(w))
+        for _ in range(2):  # in one go as much as their round-off is left of them
             along = V[: k + 1] @ w
             w -= along @ V[: k + 1]
             H[: k + 1, k] += along
-            before, beyond = beyond, float(np.linalg.norm(w))
-        for i, (c, s) in enumerate(turns):
-            H[i, k], H[i + 1, k] = c * H[i, k] + s * H[i + 1, k], c * H[i + 1, k] - s * H[i, k]
-        length = float(np.hypot(H[k, k], beyond))
-        if length == 0.0 or not np.isfinite(length):  # a singular matrix: nothing more to gain
+        H[k + 1, k] = beyond = float(np.linalg.norm(w))
+        if not 0.0 < long < np.inf:  # a singular matrix: nothing more to gain
             break
-        c, s = H[k, k] / length, beyond / length
-        turns.append((c, s))
-        H[k, k] = length
-        left[k], left[k + 1] = c * left[k], -s * left[k]
-        count = k + 1
-        if abs(left[k + 1]) <= tolerance or beyond <= np.finfo(float).eps * length:
+        weights = np.linalg.lstsq(H[: k + 2, : k + 1], b[: k + 2], rcond=None)[0]
+        left = np.linalg.norm(b[: k + 2] - H[: k + 2, : k + 1] @ weights)
+        if left <= tolerance or beyond <= np.finfo(float).eps * long:
             break
         V[k + 1] = w / beyond
-    weights = np.zeros(count)
-    for i in range(count - 1, -1, -1):
-        weights[i] = (left[i] - H[i, i + 1 : count] @ weights[i + 1 :]) / H[i, i]
-    return weights @ Z[:count], count
+    return weights @ Z[: len(weights)], k + 1
 
 
 class Anderson:

@@ -2,37 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from skfem_contact.errors import SingularMatrix
-from skfem_contact.linalg.thresholds import LOST, NEGLIGIBLE, SUSPICIOUS
+from skfem_contact.linalg.thresholds import NEGLIGIBLE
 
 Solve = Callable[[np.ndarray], np.ndarray]
-
-
-class NotPositiveDefinite(np.linalg.LinAlgError):
-    """A pivot is negative or lost in round-off.
-
-    Attributes
-    ----------
-    dof : int
-        The DOF without stiffness, in the numbering of the matrix.
-    point : ndarray, shape (d,)
-        Its position [length].
-    ratio : float
-        Stiffness left divided by the diagonal entry of the matrix; 0 if it is not positive.
-    """
-
-    def __init__(self, dof: int, point: np.ndarray, ratio: float) -> None:
-        where = ", ".join(f"{coordinate:.6g}" for coordinate in point)
-        super().__init__(
-            f"The stiffness left at DOF {dof} at ({where}), once the others are eliminated, is "
-            f"{ratio:.1e} of its diagonal entry, that is none. Usually a rigid motion is left "
-            "free: hold the body, or keep more DOFs. Or K is not positive definite."
-        )
-        self.dof, self.point, self.ratio = int(dof), np.array(point), float(ratio)
 
 
 def smallest_eigenvalue(scale: np.ndarray, solve: Solve) -> tuple[float, int]:
@@ -66,18 +43,6 @@ def smallest_eigenvalue(scale: np.ndarray, solve: Solve) -> tuple[float, int]:
     return float(1.0 / np.linalg.norm(vector)), int(np.argmax(np.abs(vector)))
 
 
-def check_pivots(pivots: np.ndarray, scale: np.ndarray, solve: Solve) -> None:
-    """Raise `SingularMatrix` where a dense factorisation lost a pivot in round-off."""
-    if not pivots.size:
-        return
-    ratios = pivots / scale
-    dof = int(np.argmin(ratios))  # finds a NaN as well
-    if not ratios[dof] >= LOST:
-        raise singular(dof, ratios[dof])
-    if ratios[dof] < SUSPICIOUS:
-        check_eigenvalue(scale, solve)
-
-
 def check_diagonal(diagonal: np.ndarray) -> None:
     """Raise `SingularMatrix` where a matrix that is to be positive definite can not be.
 
@@ -99,13 +64,15 @@ def check_eigenvalue(scale: np.ndarray, solve: Solve) -> None:
         raise singular(dof, smallest)
 
 
-def singular(dof: int, ratio: float) -> SingularMatrix:
-    """The message for a DOF without stiffness."""
-    where = f"at DOF {dof} {ratio:.1e}" if dof >= 0 else "somewhere nothing"
+def singular(dof: int, ratio: float, point: Sequence[float] = ()) -> SingularMatrix:
+    """The error for a DOF without stiffness, at a point where that is known; -1 is any DOF."""
+    where = f"at DOF {dof}" if dof >= 0 else "somewhere"
+    if len(point):
+        where += f" at ({', '.join(f'{coordinate:.6g}' for coordinate in point)})"
     return SingularMatrix(
-        f"The matrix is singular to working precision: {where} of the stiffness is left once the "
-        "other DOFs are eliminated. Usually a rigid motion is left free by D, the contacts and "
-        "the constraints together.",
+        f"The stiffness left {where}, once the other DOFs are eliminated, is {ratio:.1e} of its "
+        "diagonal entry: the matrix is singular to working precision, or not positive definite. "
+        "Usually a rigid motion is left free by D, the contacts and the constraints together.",
         dof,
         ratio,
     )

@@ -25,16 +25,6 @@ NO_PIVOT = 1e-14
 # a million DOFs in the plane; 0.21, 0.98 and 2.8 GB for 30 000, 95 000 and 202 000 in space.
 FACTORS_2D, FACTORS_3D = 240.0, 300.0
 
-# -- krylov ------------------------------------------------------
-
-# Directions that there is memory for at first: as many as most solves take. Memory that the system
-# gives out anew takes longer to be touched than these take to be orthogonalised.
-AT_FIRST = 12
-
-# Length of a direction over that before others were taken away from it, below which their round-off
-# is a share of it that counts, and they are taken away once more (Daniel and others, 1976).
-CANCELS = 0.5
-
 # -- multifrontal.factor -----------------------------------------
 
 LEAF = 120  # DOFs: below, the calls cost more than the arithmetic; above, the fill-in

@@ -31,7 +31,7 @@ from skfem_contact.digits import GIVEN
 from skfem_contact.errors import LinearSolveError, SingularMatrix
 from skfem_contact.linalg.backend import BodyFactor
 from skfem_contact.linalg.dense_factors import mirror, symmetrise
-from skfem_contact.linalg.singular import NotPositiveDefinite, singular, smallest_eigenvalue
+from skfem_contact.linalg.singular import singular, smallest_eigenvalue
 from skfem_contact.linalg.thresholds import ACCEPTED, NEGLIGIBLE
 from skfem_contact.petsc.body_share import COLUMNS_AT_ONCE, BodyShare
 from skfem_contact.petsc.ranks import Ranks
@@ -60,8 +60,8 @@ class DistributedFactor(BodyFactor):
 
     Raises
     ------
-    NotPositiveDefinite
-        Of the interior.
+    SingularMatrix
+        The interior is not positive definite.
     LinearSolveError
         The package has failed, with its reason.
     """
@@ -173,7 +173,7 @@ class DistributedFactor(BodyFactor):
             with suppress(SingularMatrix):
                 smallest, dof = smallest_eigenvalue(diagonal, self._interior_solve)
         if negative or not smallest >= NEGLIGIBLE:
-            raise NotPositiveDefinite(self.interior[dof], points[dof], 0.0 if negative else smallest)
+            raise singular(self.interior[dof], 0.0 if negative else smallest, points[dof])
 
     def _interior_solve(self, b: Array) -> Array:
         f = np.zeros(len(self.order))

@@ -25,7 +25,7 @@ from skfem_contact.bodies.rigid_modes import largest
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.linalg.backend import Backend, BodyFactor
-from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
+from skfem_contact.linalg.dense_factors import cholesky, lu
 from skfem_contact.linalg.direct import Direct, IndefiniteFactor
 from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
 from skfem_contact.linalg.multifrontal.ordering import nodes_of
@@ -247,7 +247,7 @@ class Substructure:
         place = np.searchsorted(self.free, self.kept)
         try:
             return self._backend.condensed(self.body, self.K, self.free, place)
-        except LinAlgError as error:
+        except SingularMatrix as error:
             if self.body.nonlinear:  # on the way of Newton's method, or of a body that buckles
                 self.shaky = True
                 K = csr_matrix(self.K[self.free][:, self.free])
@@ -301,7 +301,7 @@ class Substructure:
         S[np.diag_indices_from(S)] += springs
         try:
             return cholesky(S.T, overwrite=True).inverse()
-        except NoPivot:
+        except LinAlgError:
             self.definite, self.shaky = False, True
         S = self.S.copy()  # what Cholesky began with is lost
         S[np.diag_indices_from(S)] += springs

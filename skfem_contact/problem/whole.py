@@ -31,13 +31,13 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
-from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import splu
 
 from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.backend import Surface
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky, SurfaceResponse
 from skfem_contact.once import once
@@ -225,7 +225,7 @@ class Layers:
         moving = np.flatnonzero(deforms)
         try:
             factor = MultifrontalCholesky(csr_matrix(Q[moving][:, moving]), points[moving])
-        except LinAlgError:
+        except SingularMatrix:
             return False
         return factor.pivot_ratio >= DEPENDENT**2
 

@@ -25,14 +25,7 @@ from scipy.sparse.linalg import splu
 
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.errors import SingularMatrix
-from skfem_contact.linalg.dense_factors import (
-    DenseFactors,
-    blocks,
-    cholesky,
-    divide,
-    lu,
-    symmetrise,
-)
+from skfem_contact.linalg.dense_factors import DenseFactors, blocks, cholesky, lu, symmetrise
 from skfem_contact.once import once
 from skfem_contact.problem import thresholds
 from skfem_contact.problem.points import NO_ROW, Duals, LoadForces, PointSpace
@@ -310,13 +303,15 @@ def indefinite_inverse(W: Array, refuses: bool = True) -> Array:
     size = np.sqrt(np.max(np.abs(W), axis=1))
     if not np.all((size > 0) & np.isfinite(size)):  # a tangent that a bad iterate has spoiled
         raise LinAlgError("contact rows without a finite flexibility")
-    divide(W, size)
+    W /= size
+    W /= size[:, None]
     factors = lu(W)
     if refuses and not factors.even(thresholds.DEPENDENT**2):
         raise LinAlgError("dependent contact rows")
     inverse = factors.solve(np.eye(len(W)))
+    inverse /= size
+    inverse /= size[:, None]
     symmetrise(inverse)
-    divide(inverse, size)
     return inverse
 
 

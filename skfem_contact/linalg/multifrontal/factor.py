@@ -27,7 +27,6 @@ References
 from __future__ import annotations
 
 import math
-from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -44,12 +43,11 @@ from skfem_contact.linalg.multifrontal.fronts import (
     Fronts,
     Pattern,
     checked_matrix,
-    dense_block,
     find_runs,
     panels,
 )
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.linalg.singular import NotPositiveDefinite, smallest_eigenvalue
+from skfem_contact.linalg.singular import singular, smallest_eigenvalue
 from skfem_contact.linalg.thresholds import LEAF, LOST, NEGLIGIBLE, SUSPICIOUS
 
 
@@ -93,8 +91,8 @@ class MultifrontalCholesky(BodyFactor):
 
     Raises
     ------
-    NotPositiveDefinite
-        A ``numpy.linalg.LinAlgError`` that knows where.
+    SingularMatrix
+        It knows where `K` is singular, or not positive definite.
 
     Notes
     -----
@@ -130,7 +128,8 @@ class MultifrontalCholesky(BodyFactor):
         pattern = pattern or Pattern.of(K, points, self.keep, leaf, free)
         self.fronts = fronts = pattern.fronts
         self.order = fronts.order
-        self.S = dense_block(K, self.keep if free is None else free[self.keep])
+        kept = self.keep if free is None else free[self.keep]
+        self.S = K[kept][:, kept].toarray()
         self._data = pattern.gather(K)
         del pattern  # which is as large as K
         self.panels = panels(self._data, fronts)
@@ -141,11 +140,6 @@ class MultifrontalCholesky(BodyFactor):
         if self.pivot_ratio < SUSPICIOUS:
             self._check_eigenvalue(diagonal, points)
         mirror(self.S.T)  # LAPACK has filled what is above the diagonal
-
-    @cached_property
-    def interior(self) -> np.ndarray:
-        """DOFs that are eliminated, ascending, (n - nk,)."""
-        return np.sort(self.fronts.order[: self.fronts.start[-2]])
 
     @property
     def memory(self) -> int:
@@ -160,16 +154,9 @@ class MultifrontalCholesky(BodyFactor):
         if self.keep.size:
             raise InputError(
                 f"solve needs a factorisation of all of K, but {self.keep.size} DOFs are kept: "
-                "use solve_interior, or reduce_load, S and recover."
+                "use reduce_load, S and recover."
             )
         return self.recover(np.zeros((0, *np.shape(b)[1:])), b)
-
-    def solve_interior(self, rhs: np.ndarray) -> np.ndarray:
-        """``K_ii^-1 rhs`` in the order of `interior`; rhs of shape (n_i,) or (n_i, r) [force]."""
-        rhs = np.asarray(rhs, dtype=float)
-        f = np.zeros((self.fronts.order.size, *rhs.shape[1:]))
-        f[self.interior] = rhs
-        return self.recover(np.zeros((self.keep.size, *rhs.shape[1:])), f)[self.interior]
 
     def eliminate(self, f: np.ndarray) -> np.ndarray:
         """The first half of `recover`, which is linear in the load: to be kept for many of them.
@@ -184,7 +171,8 @@ class MultifrontalCholesky(BodyFactor):
         ndarray, shape (n, r)
             In the order of elimination; its last rows are the reduced load.
         """
-        x = self._ordered(np.asarray(f, dtype=float))
+        f = np.asarray(f, dtype=float)
+        x = f.reshape(len(f), math.prod(f.shape[1:]))[self.fronts.order]
         with single_threaded:
             self._forward(x)
         return x
@@ -231,10 +219,6 @@ class MultifrontalCholesky(BodyFactor):
         u[self.fronts.order] = self.substitute(flat, x)
         return u.reshape(shape)
 
-    def _ordered(self, f: np.ndarray) -> np.ndarray:
-        """Copy of the columns of `f` in the order of elimination."""
-        return f.reshape(len(f), math.prod(f.shape[1:]))[self.fronts.order]
-
     @np.errstate(all="ignore")  # the triangles that do not count hold whatever was in memory
     def _factorise(self, diagonal: np.ndarray, points: np.ndarray) -> None:
         fronts, panels = self.fronts, self.panels
@@ -248,7 +232,7 @@ class MultifrontalCholesky(BodyFactor):
                 _, failed = dpotrf(F11.T, lower=1, clean=0, overwrite_a=1)
                 if failed:
                     dof = order[start[f] + failed - 1]
-                    raise NotPositiveDefinite(dof, points[dof], 0.0)
+                    raise singular(dof, 0.0, points[dof])
             if p and b:
                 dtrsm(1.0, F11.T, F21.T, side=1, lower=1, trans_a=1, overwrite_b=1)
                 dsyrk(-1.0, F21.T, beta=1.0, c=F22.T, lower=1, overwrite_c=1)
@@ -262,13 +246,19 @@ class MultifrontalCholesky(BodyFactor):
         worst = int(np.argmin(ratios)) if ratios.size else 0  # a NaN is found as well
         self.pivot_ratio = float(ratios[worst]) if ratios.size else 1.0
         if not self.pivot_ratio >= LOST:
-            raise NotPositiveDefinite(order[worst], points[order[worst]], self.pivot_ratio)
+            raise singular(order[worst], self.pivot_ratio, points[order[worst]])
 
     def _check_eigenvalue(self, diagonal: np.ndarray, points: np.ndarray) -> None:
-        smallest, dof = smallest_eigenvalue(diagonal[self.interior], self.solve_interior)
+        inside = self.order[: self.fronts.start[-2]]
+
+        def solve(b: np.ndarray) -> np.ndarray:
+            f = np.zeros(len(self.order))
+            f[inside] = b
+            return self.recover(np.zeros(self.keep.size), f)[inside]
+
+        smallest, dof = smallest_eigenvalue(diagonal[inside], solve)
         if not smallest >= NEGLIGIBLE:
-            dof = self.interior[dof]
-            raise NotPositiveDefinite(dof, points[dof], smallest)
+            raise singular(inside[dof], smallest, points[inside[dof]])
 
     def _forward(self, x: np.ndarray) -> None:
         """Eliminate: pivots become ``L11^-1 x``, borders lose ``L21`` times that. In place."""

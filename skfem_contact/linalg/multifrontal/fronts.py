@@ -20,6 +20,8 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import depth_first_order
 
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.dense_factors import blocks
@@ -204,19 +206,10 @@ def find_runs(fronts: Fronts) -> list[list[tuple[int, int, int]]]:
 
 def _depth_first(parent: np.ndarray) -> list[int]:
     """All fronts, children before parents and every subtree without interruption."""
-    # a front comes after its children and all below them: place by the sizes of the subtrees
-    size = [1] * parent.size
-    for front, up in enumerate(parent[:-1].tolist()):
-        size[up] += size[front]
-    free = [0] * parent.size  # the first place of each subtree still to be given away
-    schedule = [0] * parent.size
-    for front in range(parent.size - 1, -1, -1):
-        up = int(parent[front])
-        if up < parent.size:
-            free[front] = free[up]
-            free[up] += size[front]
-        schedule[free[front] + size[front] - 1] = front
-    return schedule
+    last = parent.size - 1
+    tree = csr_matrix((np.ones(last), (parent[:-1], np.arange(last))), shape=(last + 1, last + 1))
+    found: list[int] = depth_first_order(tree, last, return_predecessors=False)[::-1].tolist()
+    return found
 
 
 def checked_matrix(
@@ -303,21 +296,6 @@ def _places(
         i, j = i[far], j[far]
         place[far] = beyond.take(j) + np.searchsorted(fronts.keys, front.take(j) * front.size + i)
         yield which, place
-
-
-def dense_block(K: Any, keep: np.ndarray) -> np.ndarray:
-    """``K[keep][:, keep]`` as dense array, (nk, nk), which SciPy finds by two more matrices."""
-    place = np.full(K.shape[0], -1)
-    place[keep] = np.arange(keep.size)
-    size = np.diff(K.indptr)[keep]
-    row = np.repeat(np.arange(keep.size), size)
-    # the rows kept follow each other here, in K they begin elsewhere
-    stored = np.arange(row.size) + np.repeat(K.indptr[keep] - np.cumsum(size) + size, size)
-    column = place.take(K.indices[stored])
-    inside = np.flatnonzero(column >= 0)
-    block = np.zeros((keep.size, keep.size))
-    block[row[inside], column[inside]] = K.data[stored[inside]]
-    return block
 
 
 def panels(data: np.ndarray, fronts: Fronts) -> list[tuple[np.ndarray, np.ndarray]]:
