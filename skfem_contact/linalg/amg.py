@@ -97,9 +97,7 @@ class Grid:
     def of(cls, A: Any, P: Any, kind: type) -> Grid:
         """In numbers of some precision."""
         A = sp.csr_matrix(A, dtype=kind)
-        A.sort_indices()
-        row = np.repeat(np.arange(A.shape[0], dtype=A.indices.dtype), np.diff(A.indptr))
-        lower, upper = _entries(A, A.indices <= row), _entries(A, A.indices >= row)
+        lower, upper = sp.tril(A, format="csr"), sp.triu(A, format="csr")
         return cls(lower, upper, A.diagonal(), sp.csr_matrix(P, dtype=kind))
 
     @property
@@ -107,13 +105,6 @@ class Grid:
         """Bytes."""
         parts = self.lower, self.upper, self.P
         return sum(part.data.nbytes + part.indices.nbytes + part.indptr.nbytes for part in parts)
-
-
-def _entries(A: sp.csr_matrix, mask: np.ndarray) -> sp.csr_matrix:
-    """Some entries of a matrix that has no empty rows."""
-    counts = np.add.reduceat(mask, A.indptr[:-1], dtype=A.indptr.dtype)
-    ends = np.append(0, np.cumsum(counts)).astype(A.indptr.dtype)
-    return sp.csr_matrix((A.data[mask], A.indices[mask], ends), shape=A.shape)
 
 
 @dataclass(frozen=True, eq=False)

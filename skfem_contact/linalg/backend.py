@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -37,19 +37,9 @@ class Stacked(RemoteStiffness):
         """With a symmetric sparse matrix (n, n) added, which one process holds."""
 
 
-class Surface(Protocol):
-    """The response of some DOFs to forces on them."""
-
-    def __call__(self, force: Array, flexibility: Array | None = None) -> Array:
-        """Displacements (m,) under forces (m,).
-
-        Parameters
-        ----------
-        force : ndarray, shape (m,)
-        flexibility : ndarray, shape (n_c, n_c), optional
-            ``(S + ...)^-1`` of what the factorisation keeps, with what holds it besides.
-        """
-        ...
+#: What forces (m,) on some DOFs move there, (m,); also by ``(S + ...)^-1``, (n_c, n_c), of what the
+#: factorisation keeps, with what holds it besides.
+Surface = Callable[..., Array]
 
 
 class BodyFactor(ABC):

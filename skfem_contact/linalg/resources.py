@@ -6,7 +6,6 @@ Memory: how much a factorisation may take, before anything is known of it, and i
 from __future__ import annotations
 
 from functools import lru_cache
-from importlib.machinery import EXTENSION_SUFFIXES
 from threading import Lock, local
 from typing import Any
 
@@ -14,9 +13,6 @@ import numpy as np
 
 from skfem_contact.linalg.thresholds import FACTORS_2D, FACTORS_3D
 from skfem_contact.records import dataclass
-
-# Ends of the names of extension modules, with the version of Python in them: no BLAS is called so.
-MODULES = tuple(suffix for suffix in EXTENSION_SUFFIXES if suffix.count(".") > 1)
 
 
 class SingleThreaded:
@@ -91,18 +87,7 @@ single_threaded = SingleThreaded()
 def _blas() -> Any:
     from threadpoolctl import ThreadpoolController  # it looks for libraries when it is imported
 
-    class Libraries(ThreadpoolController):
-        """Asks of all loaded files but extension modules, nine in ten, whether they are a BLAS.
-
-        A process that uses SciPy has loaded a hundred files, and to ask takes 50 microseconds each. A
-        threadpoolctl that calls the method by another name asks of all of them, with the same answer.
-        """
-
-        def _make_controller_from_path(self, filepath: str) -> None:
-            if not filepath.endswith(MODULES):
-                super()._make_controller_from_path(filepath)
-
-    return Libraries().select(user_api="blas")
+    return ThreadpoolController().select(user_api="blas")
 
 
 @dataclass(frozen=True)
