@@ -146,9 +146,8 @@ class Hierarchy:
         x = np.zeros_like(b)
         gauss_seidel(grid.lower, x, b, sweep="forward")
         left = grid.diagonal * x - grid.upper @ x
-        x += grid.P @ self._from(number + 1, (grid.P.T @ left).astype(float, copy=False)).astype(
-            b.dtype
-        )
+        coarser = self._from(number + 1, (grid.P.T @ left).astype(float, copy=False))
+        x += grid.P @ coarser.astype(b.dtype)
         gauss_seidel(grid.upper, x, b + grid.diagonal * x - grid.lower @ x, sweep="backward")
         return x.astype(float, copy=False)
 

@@ -46,11 +46,10 @@ class SingleThreaded:
         own = self._own
         own.depth -= 1
         if not own.depth:
-            if own.taken:
-                _give_back(own.taken)
+            _give_back(own.taken)
             with self._lock:
                 self._inside -= 1
-                if self.taken and not self._inside:
+                if not self._inside:
                     _give_back(self.taken)
 
 

@@ -227,7 +227,7 @@ class MultifrontalCholesky(BodyFactor):
         for f in fronts.schedule[:-1]:  # what is kept is not eliminated
             F11, F21 = panels[f]
             p, b = F21.shape
-            F22, _ = leftovers.of(f)
+            F22 = leftovers.of(f)
             if p:
                 _, failed = dpotrf(F11.T, lower=1, clean=0, overwrite_a=1)
                 if failed:
@@ -238,8 +238,7 @@ class MultifrontalCholesky(BodyFactor):
                 dsyrk(-1.0, F21.T, beta=1.0, c=F22.T, lower=1, overwrite_c=1)
             if f < len(panels) - 1:  # what the last one leaves is added to S as it stands
                 rows = fronts.target[first[f] : first[f + 1]]
-                above = *panels[parent[f]], *leftovers.of(parent[f])
-                _extend_add(above, F22, rows, runs[f])
+                _extend_add((*panels[parent[f]], leftovers.of(parent[f])), F22, rows, runs[f])
                 leftovers.give_back(f)
         pivots = np.concatenate([L11.diagonal() for L11, _ in self.panels])
         ratios = pivots**2 / diagonal[: pivots.size]
@@ -298,18 +297,18 @@ class Leftovers:
         self._used = [0, 0]  # entries at either end
         self._taken = {fronts.parent.size - 2: S}
 
-    def of(self, front: int) -> tuple[np.ndarray, bool]:
-        """The square for the border of a front, and whether it holds zeros as yet."""
+    def of(self, front: int) -> np.ndarray:
+        """The square for the border of a front, of zeros at first."""
         known = self._taken.get(front)
         if known is not None:
-            return known, False
+            return known
         b, odd = self._sizes[front], self._odd[front]
         begin = self._used[odd] if not odd else self._memory.size - self._used[odd] - b * b
         self._used[odd] += b * b
         new = self._taken[front] = self._memory[begin : begin + b * b].reshape(b, b)
         for some in blocks(b):  # half of it: to touch memory for the first time takes long
             new[some, some.start :] = 0.0
-        return new, True
+        return new
 
     def give_back(self, front: int) -> None:
         """Return what a front took is free again."""
@@ -318,16 +317,13 @@ class Leftovers:
 
 
 def _extend_add(
-    parent: tuple[np.ndarray, np.ndarray, np.ndarray, bool],
+    parent: tuple[np.ndarray, np.ndarray, np.ndarray],
     C: np.ndarray,
     rows: np.ndarray,
     runs: list[tuple[int, int, int]],
 ) -> None:
-    """Add what a child left over; only the lower triangles count (here: upper, transposed).
-
-    With the `first` child of a front `F22` holds zeros as yet: it is written, which is quicker.
-    """
-    F11, F21, F22, first = parent
+    """Add what a child left over; only the lower triangles count (here: upper, transposed)."""
+    F11, F21, F22 = parent
     p = len(F11)
     if 6 * (len(runs) + 1) > len(rows):  # scattered: one by one
         k = int(rows.searchsorted(p))
@@ -345,10 +341,7 @@ def _extend_add(
             F21[i : i + b - a, j : j + d - c] += C[a:b, c:d]
     for number, (a, b, i) in enumerate(border):
         for c, d, j in border[number:]:
-            if first:
-                F22[i : i + b - a, j : j + d - c] = C[a:b, c:d]
-            else:
-                F22[i : i + b - a, j : j + d - c] += C[a:b, c:d]
+            F22[i : i + b - a, j : j + d - c] += C[a:b, c:d]
 
 
 class SurfaceResponse:

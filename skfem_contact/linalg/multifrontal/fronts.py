@@ -314,8 +314,8 @@ class FactorSize:
 
     Attributes
     ----------
-    n, kept, fronts, largest : int
-        DOFs in all and kept; number of fronts; order of the largest one.
+    n, kept : int
+        DOFs in all and kept.
     memory, peak : int
         What the factors and S take, and what is needed at most meanwhile [bytes].
     flops : float
@@ -324,8 +324,6 @@ class FactorSize:
 
     n: int
     kept: int
-    fronts: int
-    largest: int
     memory: int
     peak: int
     flops: float
@@ -342,17 +340,14 @@ def factor_size(
     >>> import scipy.sparse as sp
     >>> K = sp.diags_array([-np.ones(6), np.full(7, 2.0), -np.ones(6)], offsets=[-1, 0, 1])
     >>> size = factor_size(K, np.arange(7.0)[:, None], keep=[0], leaf=1)
-    >>> size.n, size.kept, size.fronts, size.largest
-    (7, 1, 7, 3)
+    >>> size.n, size.kept, size.memory < size.peak
+    (7, 1, True)
     """
     fronts = analyse(*checked_matrix(K, points, keep, free), leaf, free)
-    sizes = np.diff(fronts.start) + np.diff(fronts.first)
     kept = int(fronts.start[-1] - fronts.start[-2])
     return FactorSize(
         n=fronts.order.size,
         kept=kept,
-        fronts=sizes.size,
-        largest=int(sizes.max()),
         memory=8 * int(fronts.panel[-1]) + fronts.nbytes,
         peak=fronts.peak,
         flops=fronts.flops,
