@@ -367,7 +367,7 @@ def test_a_failure_is_every_thread_s(monkeypatch):
     """Where the factorisation fails all threads hear of it, and none waits for ever."""
 
     def failing(*given):
-        raise np.linalg.LinAlgError("no pivot")
+        raise sc.errors.SingularMatrix("no pivot")
 
     monkeypatch.setattr(Direct, "condensed", failing)
     solver = plane()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import LinAlgError
 from scipy.sparse import block_diag, csr_matrix
 
 from skfem_contact.answers.placed import Placed
@@ -13,7 +12,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.discretisation import pair
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import GIVEN
-from skfem_contact.errors import ContactError
+from skfem_contact.errors import ContactError, SingularMatrix
 from skfem_contact.history.load_step import Attempt
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
 
@@ -67,7 +66,7 @@ def unstable(attempt: Attempt, placed: Placed) -> bool:
     points = np.concatenate([body.dof_points for body in model.system.bodies])
     try:
         MultifrontalCholesky(csr_matrix(csr_matrix(K)[free][:, free]), points[free])
-    except LinAlgError:
+    except SingularMatrix:
         return True
     return False
 
