@@ -86,11 +86,6 @@ SAGITTA = 0.2
 # on three points.
 PRESSED, SUSPECTED = 0.5, 0.25
 
-# An approach below this part of the extent of the bodies is none: what is left of gaps and forces
-# where a load has been taken back. Curves that mortar fits leave 1e-11; a centimetre of steel is
-# pressed in by 4e-9 of its height under its own weight.
-NO_APPROACH = 1e-10
-
 # -- validity.deformed_boundaries -----------------------------------------
 
 # Straight pieces that a quadratic facet is drawn with: they miss 1/256 of its sagitta.

@@ -30,8 +30,8 @@ from scipy.sparse import csr_matrix, diags
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normals import cross, tangents
-from skfem_contact.bodies.thresholds import BOWED, ENOUGH, FITS, FITTED, NODES_AT_ONCE
-from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
+from skfem_contact.bodies.thresholds import BOWED, ENOUGH, FITS, NODES_AT_ONCE
+from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF, SOLVED
 from skfem_contact.records import dataclass
 
 
@@ -158,8 +158,8 @@ def fitted(normal: Array, away: Array, there: Mask) -> tuple[Array, Array, Mask]
         k[..., left] = curvatures
         change[d - 1 :] *= size[left]
         last, before[left] = before[left], np.abs(change).max(axis=0, initial=0.0)
-        # what steps that shrink like this one will still add
-        more = before[left] ** 2 > FITTED * np.maximum(last - before[left], FITTED)
+        # what steps that shrink like this one will still add: meshes of one surface meet to 12 digits
+        more = before[left] ** 2 > ROUND_OFF * np.maximum(last - before[left], ROUND_OFF)
         if not more.any():
             break
         if not more.all():

@@ -51,9 +51,8 @@ BENT = 1e-3
 # plane these two tell all; in space five numbers are sought, and six nodes round one may lie on a cone.
 ENOUGH = {2: 2, 3: 7}
 
-# Steps of a fit at most: each gains the square of a facet over the radius of curvature, or better. And
-# what those to come may still add, of one: meshes of one surface have to meet to 12 digits.
-FITS, FITTED = 12, 1e-14
+# Steps of a fit at most: each gains the square of a facet over the radius of curvature, or better.
+FITS = 12
 
 # Nodes fitted at once: some 2 kB for each, which stay in the cache of a processor.
 NODES_AT_ONCE = 1 << 11

@@ -83,7 +83,7 @@ FALLS = 0.5
 
 # Friction holds a motion at an angle to its direction by the square of the angle. Where that is below
 # 1e-10, at 1e-5 rad, half of the digits of the place are lost: it counts as free, as what moves by
-# `RESISTS` of a unit does.
+# `SOLVED` of a unit does.
 ACROSS = 1e-4
 
 # The smallest number that is divided by.

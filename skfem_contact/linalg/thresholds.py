@@ -16,9 +16,6 @@ ROWS_AT_ONCE = 1024
 # Rows of a triangle that are copied at once: few operations, and a block that caches hold.
 MIRRORED_AT_ONCE = 128
 
-# Pivot over the largest diagonal entry below which the factors of an unsymmetric matrix have no digits.
-NO_PIVOT = 1e-14
-
 # -- resources ---------------------------------------------------
 
 # Twice the bytes of the factors of squares over n log2 n, and of cubes over n^1.37: 3.2 GB are taken by

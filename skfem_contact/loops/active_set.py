@@ -44,14 +44,13 @@ from skfem_contact.arrays import Array, Index, Mask, lengths
 from skfem_contact.conditions.friction_rule import grows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
-from skfem_contact.digits import DECIMALS, GIVEN
+from skfem_contact.digits import DECIMALS, GIVEN, SINGLE
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.complementarity import LineSearch, Projection, largest_force
 from skfem_contact.loops.multipliers import Iteration, through_springs
 from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.thresholds import (
     BETWEEN,
-    FIRMLY,
     FREE_CHANGES,
     ROUNDED,
 )
@@ -235,7 +234,7 @@ def stabilise(step: Step, current: Guess, coupled: bool = True) -> tuple[Index, 
     if motions.k == 0:
         return status, None
     holds = step.resisting
-    if motions.held(status != OPEN, (status == STICK) & holds, FIRMLY):
+    if motions.held(status != OPEN, (status == STICK) & holds, SINGLE):
         return status, None
 
     springs = np.zeros(len(status), dtype=bool)
@@ -244,7 +243,7 @@ def stabilise(step: Step, current: Guess, coupled: bool = True) -> tuple[Index, 
 
     def still_free() -> Array:
         closed, stick = status != OPEN, (status == STICK) & holds | springs
-        return motions.free(closed, stick, FIRMLY, _across(step, current, status))
+        return motions.free(closed, stick, SINGLE, _across(step, current, status))
 
     free = still_free()
     if free.shape[1] == 0:

@@ -19,12 +19,11 @@ import numpy as np
 
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
-from skfem_contact.digits import COMPUTED, SOLVED
+from skfem_contact.digits import COMPUTED, ROUND_OFF, SOLVED
 from skfem_contact.loops.step import Guess, Step
 from skfem_contact.loops.thresholds import (
     EQUAL_RATIO,
     MOST_POINTS,
-    NO_EIGENVALUE,
     PIVOT,
     SWEEPS,
     TIED_RATIO,
@@ -214,7 +213,7 @@ def _compliance(S: Array, weak: float) -> Array:
     values, vectors = np.linalg.eigh(S / np.outer(size, size))
     # a body that moves freely as a whole has round-off of either sign alone; the unit is the scaled one
     most = np.max(values, initial=0.0) or 1.0
-    values = np.maximum(values, max(weak, NO_EIGENVALUE) * most)
+    values = np.maximum(values, max(weak, ROUND_OFF) * most)
     return (vectors / values) @ vectors.T / np.outer(size, size)
 
 

@@ -64,10 +64,6 @@ BETWEEN = (3 - 5**0.5) / 2
 # each, as a pairing interpolates and a body that has moved adds its displacements.
 ROUNDED = 2e-14
 
-# A set of points that holds a body by less than this is none that can be solved for: stiffnesses are
-# squares of it, and those have sixteen digits.
-FIRMLY = 1e-7
-
 # -- starts ------------------------------------------------------
 
 # Iterations that Newton may take where another loop begins from its answer.
@@ -87,9 +83,6 @@ PIVOT = 1e-11
 # Ratios that are equal, over the right-hand side: for the artificial variable, which may leave as soon
 # as it is one of the smallest, and for all others.
 EQUAL_RATIO, TIED_RATIO = 1e-11, 1e-13
-
-# Eigenvalues of the scaled matrix, over the largest, that are round-off.
-NO_EIGENVALUE = 1e-14
 
 # -- starts ------------------------------------------------------
 

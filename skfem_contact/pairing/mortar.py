@@ -47,7 +47,7 @@ from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.normals import angle_between, tangents, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import BENT
-from skfem_contact.digits import GIVEN, SOLVED
+from skfem_contact.digits import GIVEN, ROUND_OFF, SOLVED
 from skfem_contact.pairing.bulges import TINY, Bulges, block_matrix
 from skfem_contact.pairing.closest import overhang, search_range
 from skfem_contact.pairing.dual import DualBasis, dual_basis, node_rows, positive_functions
@@ -62,7 +62,7 @@ from skfem_contact.pairing.supports import (
     slip_rows,
     without_multiplier,
 )
-from skfem_contact.pairing.thresholds import KINK, NO_WEIGHT, SHARE_KEPT, SPREAD
+from skfem_contact.pairing.thresholds import KINK, SHARE_KEPT, SPREAD
 from skfem_contact.pairing.vectors import assembled, dot, entries, summed, without_round_off
 
 
@@ -148,7 +148,7 @@ def dual_mortar(
     sums = np.asarray(np.bincount(entries(M)[0], M.data, len(paired)), dtype=float)
     W_s, W_m = weights = divided(D, area, paired), divided(M, sums, paired)
     for W in weights:
-        W.data[np.abs(W.data) < NO_WEIGHT] = 0.0
+        W.data[np.abs(W.data) < ROUND_OFF] = 0.0
     W_m.eliminate_zeros()  # those of the secondary name the heirs
     change, smooth, bulge, nearest = smooth_gaps(moments, basis.A, normal, (sums, paired))
     least = least_gaps(pieces, np.asarray(basis.A.any(axis=2)), nearest)

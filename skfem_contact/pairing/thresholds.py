@@ -87,9 +87,6 @@ ALONG = 0.5
 
 # -- mortar ------------------------------------------------------
 
-# Weights of a row (their sum is 1) below this are round-off of biorthogonality.
-NO_WEIGHT = 1e-14
-
 # -- search ------------------------------------------------------
 
 # Pairs (item, node of the tree) worked on at once; bounds the memory at some 100 bytes for each.
@@ -118,17 +115,10 @@ OVERHANG = 0.25
 
 # -- cells -------------------------------------------------------
 
-# Change of coordinates, in sizes of a cell or face, at which steps to the image of a point along
-# interpolated normals end, and those to the closest point: each step of the first gains the square of
-# the angle between the normals of a cell, two digits and more.
-SETTLED = 1e-13
-
 # -- segmentation ------------------------------------------------
 
-# Newton steps on a curved facet or to an image along normals, and the change, on a facet, of its
-# coordinates at which they end: they square the error, so that what is left after such a change is
-# round-off.
-NEWTON_STEPS, SQUARED = 12, 1e-7
+# Newton steps at most on a curved facet or to an image along normals.
+NEWTON_STEPS = 12
 
 # Quadrature points worked on at once: some 500 bytes for each.
 POINTS_AT_ONCE = 1 << 14
