@@ -91,9 +91,6 @@ PRESSED, SUSPECTED = 0.5, 0.25
 # Straight pieces that a quadratic facet is drawn with: they miss 1/256 of its sagitta.
 PIECES = 8
 
-# Pairs of points and pieces that are compared at a time.
-PAIRS_AT_ONCE = 2_000_000
-
 # -- validity.strain ---------------------------------------------
 
 # Bulk over shear modulus from which on a body is looked at: a Poisson's ratio of .46, where four

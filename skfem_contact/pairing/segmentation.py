@@ -41,7 +41,7 @@ from functools import cached_property
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index
+from skfem_contact.arrays import Array, Index, runs
 from skfem_contact.bodies.facet_kinds import KINDS, FacetKind
 from skfem_contact.bodies.facets import area_elements
 from skfem_contact.bodies.normals import cross, sizes, unit
@@ -69,7 +69,6 @@ from skfem_contact.pairing.dual import positive_functions
 from skfem_contact.pairing.thresholds import (
     FACING,
     NEWTON_STEPS,
-    POINTS_AT_ONCE,
 )
 from skfem_contact.pairing.vectors import dot, summed
 from skfem_contact.records import dataclass
@@ -186,9 +185,8 @@ class Segmentation:
                 continue
             whose, simplices = self.pieces.some(mine).simplices(round_middle=kind == SKEW)
             at, w = self._rule(kind, heights)
-            step = max(1, POINTS_AT_ONCE // len(w))
-            for first in range(0, len(whose), step):
-                of, corners = mine[whose[first : first + step]], simplices[first : first + step]
+            for part in runs(len(whose), 500 * len(w)):  # what a point takes, about
+                of, corners = mine[whose[part]], simplices[part]
                 points = self.meet(of, at @ corners)
                 yield of, points, signed_areas(corners)[:, None] * w * self._stretch(of, points)
 

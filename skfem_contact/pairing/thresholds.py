@@ -89,9 +89,6 @@ ALONG = 0.5
 
 # -- search ------------------------------------------------------
 
-# Pairs (item, node of the tree) worked on at once; bounds the memory at some 100 bytes for each.
-PAIRS_AT_ONCE = 1 << 18
-
 # To ask about so many pairs takes no longer than to go through the upper levels of a tree.
 FEW_PAIRS = 1 << 12
 
@@ -119,6 +116,3 @@ OVERHANG = 0.25
 
 # Newton steps at most on a curved facet or to an image along normals.
 NEWTON_STEPS = 12
-
-# Quadrature points worked on at once: some 500 bytes for each.
-POINTS_AT_ONCE = 1 << 14
