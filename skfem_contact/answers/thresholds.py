@@ -4,9 +4,6 @@ from __future__ import annotations
 
 # -- certificate -------------------------------------------------
 
-# Without a load, forces below this part of the terms of ``K u`` are what cancelling them leaves.
-NO_LOAD = 1e-10
-
 # -- values ------------------------------------------------------
 
 # Energy that the balance of a step misses, over the energy lost, from which on it is said: the loss of

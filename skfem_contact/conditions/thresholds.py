@@ -23,10 +23,6 @@ STEEP = 5.0
 # force on the bound has no round-off; and its fourth power is still a number.
 BEYOND = 2.0**250
 
-# A law's own return map and its limit agree to this part of the largest limit: a digit more than loops
-# converge to.
-AGREE = 1e-11
-
 # -- interface ---------------------------------------------------
 
 # The tangential stiffness that a loop takes where the law gives none, over K's diagonal at the

@@ -27,12 +27,12 @@ from skfem_contact.arrays import Array, Mask
 from skfem_contact.conditions.motions import NEAR, NOWHERE, RigidMotions
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.conditions.statics import drives
-from skfem_contact.digits import COMPUTED, SOLVED
+from skfem_contact.digits import COMPUTED, SINGLE, SOLVED
 from skfem_contact.history.grip import force_terms, pins, weak_springs
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.stepping import advance
-from skfem_contact.history.thresholds import FALLS, FEW_CUTS, FIRM, NO_REACTION, ROUNDS, TURNED, WEAK
+from skfem_contact.history.thresholds import FALLS, FEW_CUTS, FIRM, ROUNDS, TURNED, WEAK
 from skfem_contact.linalg.dense_factors import nonnegative_least_squares
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.records import dataclass
@@ -208,7 +208,7 @@ class NeutralEquilibrium:
             largest = np.max(np.abs(attempt.local.normal_force), initial=0.0)
             if reaction > max(TURNED * largest, floor):  # no strain's doing
                 return None
-            pull = float(reaction / largest) if reaction > max(NO_REACTION * largest, floor) else 0.0
+            pull = float(reaction / largest) if reaction > max(SINGLE * largest, floor) else 0.0
             way.attempt = self._without_pull(attempt)
             rest, away = Rest(way, free, recover, pull), float(np.max(np.abs(left)))
             if away <= SOLVED * np.max(np.abs(u)):

@@ -93,11 +93,6 @@ TINY = float(np.finfo(float).tiny)
 # no more than that may be free. Whether they are the reaction of the held DOFs says.
 TURNED = 1e-2
 
-# Reaction of the held DOFs over the largest point force, and what is left of the way to go over the
-# largest displacement, that count as none: the digits of the contact problem with moduli 1e6 apart,
-# and two more, as the way is no difference of forces.
-NO_REACTION = 1e-8
-
 # Each round of moving the held DOFs gains the strain's digits: exact motions take two.
 ROUNDS = 8
 

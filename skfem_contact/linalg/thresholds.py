@@ -45,6 +45,3 @@ LEAF = 120  # DOFs: below, the calls cost more than the arithmetic; above, the f
 LOST, SUSPICIOUS, NEGLIGIBLE = 1e-13, 1e-8, 1e-15
 
 # -- multifrontal.fronts -----------------------------------------
-
-# x'Ky - y'Kx of random x and y over the norm of K: assembly leaves 1e-13, single precision 1e-7.
-SYMMETRIC_TO = 1e-8

@@ -44,7 +44,7 @@ from skfem_contact.arrays import Array, Index, Mask, lengths
 from skfem_contact.conditions.friction_rule import grows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
-from skfem_contact.digits import DECIMALS, GIVEN, SINGLE
+from skfem_contact.digits import DECIMALS, GIVEN, ROUND_OFF, SINGLE
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.complementarity import LineSearch, Projection, largest_force
 from skfem_contact.loops.multipliers import Iteration, through_springs
@@ -52,7 +52,6 @@ from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.thresholds import (
     BETWEEN,
     FREE_CHANGES,
-    ROUNDED,
 )
 from skfem_contact.problem.response import Conditions, odd_round_off
 from skfem_contact.records import dataclass
@@ -253,7 +252,7 @@ def stabilise(step: Step, current: Guess, coupled: bool = True) -> tuple[Index, 
     limit = step.friction.bound(current.normal_force, current.slip)
     excess = lengths(current.tangential_force) - limit
     # a gap is no more exact than the coordinates that it is a difference of
-    known = ROUNDED * float(np.abs(motions.kin.points).max(initial=0.0))
+    known = ROUND_OFF * float(np.abs(motions.kin.points).max(initial=0.0))
     slipping = _by(excess, status == SLIP, step)
     opened = _by(step.load.gap0, status == OPEN, step, known)
     order = np.concatenate([slipping, opened])
