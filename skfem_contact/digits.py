@@ -6,6 +6,8 @@ that is not has a name and a reason of its own, in the ``thresholds`` of its pac
 
 from __future__ import annotations
 
+import math
+
 #: Of what users give: coordinates, materials and loads, often read from files, have six digits.
 GIVEN = 1e-6
 
@@ -24,4 +26,4 @@ ROUND_OFF = 1e-14
 
 #: Decimals to which numbers of order one are told apart (weights of a row, above all): those of
 #: `SOLVED`. What symmetry makes alike differs in its last digits, and no choice may hang on those.
-DECIMALS = 9
+DECIMALS = -round(math.log10(SOLVED))

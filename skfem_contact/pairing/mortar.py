@@ -62,7 +62,7 @@ from skfem_contact.pairing.supports import (
     slip_rows,
     without_multiplier,
 )
-from skfem_contact.pairing.thresholds import KINK, SHARE_KEPT, SPREAD
+from skfem_contact.pairing.thresholds import LEAN, SHARE_KEPT, SPREAD
 from skfem_contact.pairing.vectors import assembled, dot, entries, summed, without_round_off
 
 
@@ -294,7 +294,7 @@ def mortar_normals(moments: Moments, A: Array, own: Array) -> tuple[Array, Array
     along = np.ones(len(own))
     np.minimum.at(along, node, dot(of_primary[node], mean[:, None]))
     corner = along < np.cos(0.5 * SPREAD)
-    beside = np.any(primary.kinks[primary.facets[moments.f]] > KINK, axis=1)
+    beside = np.any(primary.kinks[primary.facets[moments.f]] > LEAN, axis=1)
     corner[node[beside]] = True
     corner = corner[:, None]
     of_primary = np.where(corner, own, of_primary)
@@ -302,7 +302,7 @@ def mortar_normals(moments: Moments, A: Array, own: Array) -> tuple[Array, Array
     covered = moments.covered
     turned, node = np.zeros(len(own)), secondary.facets[covered]
     np.maximum.at(turned, node, angle_between(secondary.facet_node_normals[covered], -own[node]))
-    sharp = ((turned > GIVEN) | (secondary.kinks > KINK))[:, None]
+    sharp = ((turned > GIVEN) | (secondary.kinks > LEAN))[:, None]
     return np.where(sharp & ~corner, of_primary, own), of_primary
 
 
