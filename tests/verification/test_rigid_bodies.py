@@ -711,6 +711,7 @@ def test_a_lid_on_a_solid_balances_moments_about_both_axes(kind):
 
 
 @pytest.mark.filterwarnings("ignore:Rigid bodies carry their loads along")
+@pytest.mark.filterwarnings("ignore:.*over the length of one facet")
 def test_directions_in_space_are_alike():
     """The scene turned by whole axes: forces, places and turns are those of the other axes."""
     found = []
