@@ -251,7 +251,7 @@ class ContactWatch:
         return depth_in_solid(self.contact, self.geometry.pairings[self.i])
 
     def seems_coarse(self, result: Answer, drift: Drift) -> bool:
-        """Whether facets seem too long: by displacements, where points slide far or forces move tools."""
+        """Whether facets seem too long; by displacements where points slide far or a force moves it."""
         small = self.contact.sliding == "small"
         if (small and not self.tool) or not drift.facets_too_long:
             return drift.facets_too_long
