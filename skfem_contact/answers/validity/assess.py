@@ -167,8 +167,10 @@ class Assessment:
             found["sliding"] = sliding_words(drift)
         elif "overlap" in kinds:  # small sliding that does not follow is the reason already
             found["overlap"] = self._overlap(i)
+        if drift.facets_too_long and contact.rigid_body is not None:
+            drift = _pressed_in(self.result, i, drift)  # how far a force moves the tool says too little
         if drift.facets_too_long:
-            found["facets"] = facet_words(drift, contact.rigid)
+            found["facets"] = facet_words(drift, contact)
         return {kind: words for kind, words in found.items() if words and kind in kinds}
 
     @_once
@@ -278,6 +280,12 @@ def _drift(result: Answer, i: int) -> Drift:
         tool = tool_motion(result.system, contact, track, result.u)
         found = track.drift(closed, slip, gap, force, drift.approach, result.worn_case, i, part, tool)
         return replace(drift, **found)
+    return _pressed_in(result, i, drift)
+
+
+def _pressed_in(result: Answer, i: int, drift: Drift) -> Drift:
+    """Return it with the elastic approach of the displacements, where that is more."""
+    closed = (result.state.status[result.slices()[i]] != OPEN) & result.kin.paired[result.slices()[i]]
     elastic = beyond_round_off(elastic_approach(result, i, closed), result.system.extent)
     return replace(drift, approach=max(drift.approach, elastic))
 

@@ -28,7 +28,8 @@ of what comes down in the middle of a face of the secondary: there it is the hei
 face, ``tr(K S) / 2`` with the mean S of ``x x'`` over its corners x seen from its middle, twice that
 over the edge of a square. What the secondary itself bends does not count in it, as its nodes are on it.
 
-A rigid cylinder, sphere or plane is met node by node: K_p is its own. Where the bodies are pressed in
+A rigid cylinder, sphere or plane is met node by node: K_p is its own. The pieces of an outline or an
+STL bend as facets do. Where the bodies are pressed in
 by a given d that is not large beside e, forces depend on where the nodes are: on a disc that is pressed
 into a block by up to 15 % at ``e / d = .25``, 30 % at .5 (`tests/verification/test_coarse_tools.py`).
 """
@@ -46,6 +47,9 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.thresholds import FACING
 from skfem_contact.pairing.vectors import dot
+
+#: All facets.
+EVERY = slice(None)
 
 
 def sagittas(
@@ -75,7 +79,9 @@ def sagittas(
     m, facets, d = len(secondary.points), secondary.facets, secondary.dim
     own, edges = bends(secondary)
     if isinstance(primary, ContactSurface):
-        of_primary, others = (found[facet] for found in bends(primary))
+        assert facet is not None
+        met, of_point = np.unique(facet, return_inverse=True)
+        of_primary, others = (found[of_point] for found in bends(primary, met))
         curved = primary.quadratic
     else:
         of_primary, others = np.broadcast_to(primary, (m, d, d)), np.zeros((m, 1, d))
@@ -148,8 +154,8 @@ def _spread(edges: Array, kind: FacetKind) -> Array:
     return np.einsum("fcd,fce->fde", edges, edges) / count
 
 
-def bends(surface: ContactSurface) -> tuple[Array, Array]:
-    """Return how every facet bends, and the edges of the pieces that stand for it.
+def bends(surface: ContactSurface, some: Index | slice = EVERY) -> tuple[Array, Array]:
+    """Return how every facet, or some, bends, and the edges of the pieces that stand for it.
 
     Returns
     -------
@@ -171,38 +177,37 @@ def bends(surface: ContactSurface) -> tuple[Array, Array]:
     (False, (4, 4, 3))
     """
     if surface.dim == 2:
-        rise, edges = _curve_rises(surface)
-        bend = (rise / surface.lengths[:, None] ** 2)[:, :, None] * np.eye(2)
+        rise, edges = _curve_rises(surface, some)
+        bend = (rise / surface.lengths[some, None] ** 2)[:, :, None] * np.eye(2)
     else:
-        rise, edges, bend = _face_bends(surface)
+        rise, edges, bend = _face_bends(surface, some)
         if not rise.any():
             return bend, (0.5 if surface.quadratic else 1.0) * edges
     if not surface.quadratic:
         return bend, edges
     # a facet with its middle nodes on the curve has two parts
-    curved = bowed_facets(surface.points, surface.facets, surface.kind)
+    curved = bowed_facets(surface.points, surface.facets[some], surface.kind)
     return bend, np.where(curved[:, None, None], 0.5, 1.0) * edges
 
 
-def _curve_rises(surface: ContactSurface) -> tuple[Array, Array]:
+def _curve_rises(surface: ContactSurface, some: Index | slice) -> tuple[Array, Array]:
     """Curvature times length squared of facets of the plane, (nf, 1), and chords of their length."""
-    chain, slopes = surface.facets[:, :2], surface.slopes
-    if surface.quadratic:
-        slopes = end_slopes(surface.points, chain, surface.facet_node_normals)
-    rise = (slopes[:, 0] - slopes[:, 1]) * surface.lengths
+    chain, lengths = surface.facets[some, :2], surface.lengths[some]
+    slopes = end_slopes(surface.points, chain, surface.facet_node_normals[some])
+    rise = (slopes[:, 0] - slopes[:, 1]) * lengths
     along = surface.points[chain[:, 1]] - surface.points[chain[:, 0]]
-    along *= (surface.lengths / np.linalg.norm(along, axis=1))[:, None]
+    along *= (lengths / np.linalg.norm(along, axis=1))[:, None]
     return rise[:, None], along[:, None]
 
 
-def _face_bends(surface: ContactSurface) -> tuple[Array, Array, Array]:
+def _face_bends(surface: ContactSurface, some: Index | slice) -> tuple[Array, Array, Array]:
     """Curvature times the square of the length of chords, edges and tensors of faces; see `bends`."""
-    kind, corners = surface.kind, surface.facets[:, : surface.kind.corners]
+    kind, corners = surface.kind, surface.facets[some, : surface.kind.corners]
     chords = _chords(kind)
-    x, n = surface.points[corners], surface.facet_node_normals[:, : kind.corners]
+    x, n = surface.points[corners], surface.facet_node_normals[some, : kind.corners]
     start, end = chords.T
     along = x[:, end] - x[:, start]
-    across = surface.facet_normals
+    across = surface.facet_normals[some]
     rise, kinked = _rises(along, across, n[:, start], n[:, end])
     # a diagonal is longer than the edges: beside a kink it turns by less, and is no curve either
     smooth = ~kinked[:, : kind.corners].any(axis=1)
@@ -214,7 +219,7 @@ def _face_bends(surface: ContactSurface) -> tuple[Array, Array, Array]:
     first = edges[:, 0] - dot(edges[:, 0], across)[:, None] * across
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     axes = np.stack([first, np.cross(across, first)], axis=1)
-    size = surface.lengths[:, None]
+    size = surface.lengths[some, None]
     s, t = np.moveaxis(np.einsum("fad,fcd->fca", axes, along) / size[..., None], -1, 0)
     asked = np.stack([s * s, 2 * s * t, t * t], axis=2)
     asked[:, kind.corners :][~smooth] = 0.0

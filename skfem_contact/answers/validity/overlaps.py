@@ -30,7 +30,7 @@ from skfem_contact.answers.validity.deformed_boundaries import (
 )
 from skfem_contact.answers.validity.edges import Edges, crossing, sharp_edges_of
 from skfem_contact.answers.validity.support import Extrapolation
-from skfem_contact.answers.validity.track import Track
+from skfem_contact.answers.validity.track import Rim, Track
 from skfem_contact.answers.validity.validity import Drift
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body
@@ -42,7 +42,7 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.digits import SOLVED
-from skfem_contact.obstacles.obstacle import MotionLike, Obstacle
+from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import shape_of
 from skfem_contact.pairing.corners import unselected_sides
 from skfem_contact.pairing.node import Pairing, node_to_segment
@@ -272,12 +272,12 @@ def depth_in_solid(contact: Contact, pairing: Pairing) -> float:
     """
     obstacle, surface = _shape(contact), contact.secondary
     outline, paired = obstacle.outline, pairing.paired
-    if outline is not None and not getattr(obstacle, "closed", False):
-        return 0.0  # of an open outline it is not known on which side points far from it are
     known = contact.gap is not None or contact.adjust
     if paired.any() and (outline is None or known or np.any(pairing.gap[paired] <= 0)):
         return 0.0  # what overlaps is seen
     distance = signed_distance(obstacle, surface, surface.points)
+    if outline is not None and np.any(abs(distance) >= abs(Rim.of(outline).beyond(surface.points))):
+        return 0.0  # on which side of an open outline points beyond its ends are is not known
     noise = SOLVED * float(np.max(np.ptp(surface.points, axis=0)))
     deepest = -float(distance.min())
     return deepest if deepest > noise and np.all(distance <= noise) else 0.0
@@ -285,8 +285,11 @@ def depth_in_solid(contact: Contact, pairing: Pairing) -> float:
 
 def in_solid_words(contact: Contact, depth: float) -> str:
     """Say that a surface lies in the solid of its obstacle, and what to do."""
-    hollow = getattr(_shape(contact), "hollow", None)
+    shape = _shape(contact)
+    hollow = getattr(shape, "hollow", None)
     way = "turn the sign of its function" if hollow is None else f"give it hollow={not hollow}"
+    if not getattr(shape, "closed", True):
+        way = "give its points, or the corners of its triangles, the other way round"
     return (
         f"nothing touches. From the beginning all of {contact.secondary.label!r} lies where "
         f"{contact.primary.label!r} is solid{', which is round its hole' if hollow else ''}, by up to "
@@ -374,10 +377,14 @@ def of_triangles(contact: Contact) -> bool:
     return rigid and not contact.bilateral and contact.gap is None
 
 
-def _motion(geometry: Geometry, i: int, case: LoadCase, u: Array) -> MotionLike:
-    """Return where the obstacle of a contact is, as obstacles take it."""
-    body = geometry.contacts[i].rigid_body
-    return case.motion[i].as_argument() if body is None else as_motion(geometry.system, body, u)
+def outline_of(geometry: Geometry, i: int, case: LoadCase, u: Array) -> ContactSurface:
+    """Return the straight pieces of the obstacle of a contact at their place."""
+    obstacle, body = geometry.contacts[i].primary, geometry.contacts[i].rigid_body
+    assert isinstance(obstacle, Obstacle)
+    moved = case.motion[i].as_argument() if body is None else as_motion(geometry.system, body, u)
+    outline = obstacle.moved(moved).outline
+    assert outline is not None
+    return outline
 
 
 def leaning_faces(secondary: ContactSurface, outline: ContactSurface) -> Mask:
@@ -407,10 +414,7 @@ def leaning_words(geometry: Geometry, i: int, state: State, case: LoadCase, u: A
         Displacements, right at the contact DOFs [length].
     """
     contact, part = geometry.contacts[i], geometry.point_slices[i]
-    surface, obstacle = contact.secondary, contact.primary
-    assert isinstance(obstacle, Obstacle)
-    outline = obstacle.moved(_motion(geometry, i, case, u)).outline
-    assert outline is not None
+    surface, outline = contact.secondary, outline_of(geometry, i, case, u)
     leaning = leaning_faces(surface, outline)
     force = np.where(state.status[part] != OPEN, np.abs(state.normal_force[part]), 0.0)
     if not (leaning.any() and force.any()):

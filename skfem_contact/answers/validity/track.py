@@ -72,6 +72,8 @@ class Track:
         The part of these heights that gaps do not know, see `Pairing.smooth`.
     curved : bool
         Whether there are such heights.
+    of_pieces : bool
+        Whether a rigid obstacle of straight pieces is met, whose heights depend on where it is.
     bend : ndarray, shape (d, d), or None
         How a rigid obstacle curves, where that is known and its gaps are measured [1/length].
     room : ndarray, shape (m,)
@@ -101,12 +103,14 @@ class Track:
         self.added = np.where(self.paired, gap0 + own - gap, 0.0)
         self.follows, self.nodal = not contact.tied, contact.method == "node"
         self.by_node = _by_node(pairing)
-        self.curved = False
+        self.curved = self.of_pieces = False
         # a gap that is given, or zero as meshed, knows the curves
         measured = contact.gap is None and not contact.adjust and not contact.bilateral
         self.bend = None
         if measured and isinstance(self.primary, Obstacle):
             self.bend = self.primary.bend
+            self.curved = self.of_pieces = self.primary.outline is not None
+            self.unlike = 1.0
         if self.bend is not None:
             self.sagittas = sagittas(self.secondary, self.bend)
             self.curved = bool(self.sagittas.any())
@@ -124,26 +128,26 @@ class Track:
                 self.sagittas = sagittas(self.secondary, self.primary, facet, self.nodal) * self.unlike
             self.curved = measured and bool(self.sagittas.any())
 
-    def sagitta(self, force: Array, moved: tuple[Array, Array] | None) -> float:
+    def sagitta(self, force: Array, moved: tuple[Array, Array, ContactSurface] | None = None) -> float:
         """Height of the curves over one facet where normal forces act, their mean [length].
 
         Parameters
         ----------
         force : ndarray, shape (m,)
             Of closed points; zero elsewhere.
-        moved : pair of ndarray, optional
-            Where points slide far, the places of both sides' nodes [length].
+        moved : (ndarray, ndarray, ContactSurface), optional
+            Where partners are found anew, the places of both sides' nodes [length], and the primary.
         """
         force = np.abs(force)
         total = float(force.sum())
         if not (self.curved and total > 0):
             return 0.0
-        heights = self.sagittas
-        if moved is not None and isinstance(self.primary, ContactSurface):
-            corners = self.primary.facets[:, : self.primary.kind.corners]
-            middles = moved[1][corners].mean(axis=1)
-            there = Tree(middles).query(moved[0])[1]
-            heights = sagittas(self.secondary, self.primary, there, self.nodal) * self.unlike
+        if moved is None:
+            return float(force @ self.sagittas / total)
+        points, others, primary = moved
+        middles = others[primary.facets[:, : primary.kind.corners]].mean(axis=1)
+        there = Tree(middles).query(points)[1]
+        heights = sagittas(self.secondary, primary, there, self.nodal) * self.unlike
         return float(force @ heights / total)
 
     def breadth(self, closed: Mask) -> float:
@@ -414,10 +418,10 @@ class Rim:
         start, end = self.corners[near, 0], self.corners[near, -1]
         away = off_segments(points[:, None], start, end - start)
         distance = np.linalg.norm(away, axis=2)
-        # of two edges that meet at the nearest corner the one that the point is farther out of
+        # where two edges meet at the nearest corner the sum of both tells, of notches and holes as well
         out = np.sum(away * self.outward[near], axis=2)
         nearest = distance <= distance.min(axis=1, keepdims=True) * (1 + SOLVED)
-        out = np.where(nearest, out, -np.inf).max(axis=1)
+        out = np.sum(out, axis=1, where=nearest)
         return np.where(out > 0, 1.0, -1.0) * distance.min(axis=1)
 
 

@@ -53,16 +53,21 @@ def sliding_words(drift: Drift) -> str:
     )
 
 
-def facet_words(drift: Drift, rigid: bool = False) -> str:
-    """Say what long facets on curves do to a light contact, and what to do."""
-    if rigid:
+def facet_words(drift: Drift, contact: Contact | None = None) -> str:
+    """Say what long facets on curves do to a light contact, at an obstacle or not, and what to do."""
+    if contact is not None and isinstance(contact.primary, Obstacle):
+        pieces = contact.primary.outline is not None
+        shorter = (
+            f", and give {contact.primary.label!r} shorter straight pieces (STL)" if pieces else ""
+        )
         return (
             f"over the length of one facet the two sides stand {drift.sagitta:.3g} off each other, "
             f"{100 * drift.sagitta_share:.3g} % of the elastic approach of {drift.approach:.3g}: the "
             "contact is about as small as a facet, and what it carries depends on where the nodes are. "
-            "Pressures are not resolved, and forces that follow from prescribed displacements may be "
-            f"wrong by {'a large factor' if drift.sagitta_share > 1 else 'tens of percent'}. Refine "
-            "the surface where it touches, to four nodes or more under the contact."
+            "Pressures are not resolved, and forces that follow from prescribed displacements, or the "
+            f"way of a tool under a force, may be wrong by "
+            f"{'a large factor' if drift.sagitta_share > 1 else 'tens of percent'}. Refine the surface "
+            f"where it touches, to four nodes or more under the contact{shorter}."
         )
     # a body rests on one facet or on the next where it is pressed in by less than what they stand out
     several = "There may be several answers, one for each facet that can carry. "
@@ -120,7 +125,13 @@ def _way_out(part: ContactValidity, contact: Contact, meeting: Meeting) -> str:
         far = "Enlarge `reach`, or give" if contact.reach is not None else "Give"
         return f"{far} the contact sliding='finite'"
     if isinstance(contact.primary, Obstacle):
-        return "Refine the surface, whose facets are too long for what presses between their nodes"
+        finer = "Refine the surface, whose facets are too long for what presses between their nodes"
+        if meeting.side == 0:
+            return finer
+        drawn = (
+            f"Where the straight pieces of {contact.primary.label!r} stand for a curve (STL), give it"
+        )
+        return f"{drawn} shorter ones, four or more across the contact. Otherwise: {finer.lower()}"
     if part.drift.slip >= part.overlap:  # a slip goes no deeper than it is long
         return "Give the contact sliding='finite'"
     if contact.method == "node":
