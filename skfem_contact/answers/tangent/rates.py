@@ -15,7 +15,7 @@ makes; so ``g . u`` depends on p by those.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,21 +29,6 @@ from skfem_contact.problem.response import Response
 HANDED_ON = "slip", "friction", "reference", "bound", "stretch"
 #: Of one name to be added to, and the name of what a block at each point is multiplied with.
 Maps = list[tuple[str, str, NDArray[Any]]]
-
-
-class Way(NamedTuple):
-    """What points do whose statuses are not those of the tangent, which holds them.
-
-    Attributes
-    ----------
-    gap : ndarray, shape (m,), slip : ndarray, shape (m, d-1)
-        Their rates; zero, and those of the step before, at all other points.
-    closed : ndarray of bool, shape (m,)
-    """
-
-    gap: Array
-    slip: Array
-    closed: NDArray[np.bool_]
 
 
 def _before(tangent: Tangent) -> Maps:
@@ -62,9 +47,9 @@ def _before(tangent: Tangent) -> Maps:
     return maps
 
 
-def _after(tangent: Tangent, closed: NDArray[np.bool_], lost: bool) -> Maps:
+def _after(tangent: Tangent, lost: bool) -> Maps:
     """What follows from gaps, slips and forces; the energy lost has the mean of two bounds."""
-    one, shut = np.ones((1, 1)), 1.0 * closed[:, None]
+    one, shut = np.ones((1, 1)), 1.0 * tangent.closed[:, None]
     maps: Maps = [
         ("reference", "slip", 1.0 - shut),
         ("reference", "last reference", shut),
@@ -109,9 +94,8 @@ class Rates:
     tangent : Tangent
     change : dict of ndarray
         What the number changes of the load step, see `changes.change`.
-    last : dict of ndarray, optional
-        What the answer before has `handed_on`; None if it does not depend on the number.
-    way : Way, optional
+    last : dict of ndarray
+        What the answer before has `handed_on`; nothing if it does not depend on the number.
 
     Attributes
     ----------
@@ -119,26 +103,19 @@ class Rates:
         By name.
     """
 
-    def __init__(
-        self, tangent: Tangent, change: Values, last: Values | None = None, way: Way | None = None
-    ) -> None:
+    def __init__(self, tangent: Tangent, change: Values, last: Values) -> None:
         bolts, self.tangent = tangent.bolts, tangent
-        self.values = values = change | {"last " + name: own for name, own in (last or {}).items()}
+        self.values = values = change | {"last " + name: own for name, own in last.items()}
         _take(_before(tangent), values)
         if bolts and "drive" in values:
             values["f"] = values.get("f", 0.0) - bolts.pulls.T @ values["drive"]
-        if way:
-            values["anchor"] = way.slip
-            values["gap0"] = values.get("gap0", 0.0) - way.gap[:, None]
         self._found = tangent.respond(values)
         found = self.response = self._found[-1]
-        if way:
-            found.gap = found.gap + way.gap
         values |= {"gap": found.gap[:, None], "normal_force": found.normal_force[:, None]}
         values |= {"slip": found.slip, "friction": found.tangential_force}
         if bolts:
             values["pull"] = bolts.pulls @ self.u
-        _take(_after(tangent, way.closed if way else tangent.closed, True), values)
+        _take(_after(tangent, True), values)
 
     @property
     def handed_on(self) -> Values:
@@ -175,7 +152,7 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
         duals[name] = duals[name] + own if name in duals else own
     if "lost" in duals:
         check_lost(tangent)
-    _take(_after(tangent, tangent.closed, "lost" in duals), duals, back=True)
+    _take(_after(tangent, "lost" in duals), duals, back=True)
     if bolts and "pull" in duals:
         duals["u"] = duals.get("u", 0.0) + bolts.pulls.T @ duals["pull"]
     forces, pulled, u = np.zeros(len(problem.compliance.W)), None, duals.get("u")

@@ -278,14 +278,12 @@ class Tangent:
         apart = np.where(np.isfinite(local.gap), local.gap, 0.0) * self.problem.resistance.normal
         return largest(forces) or largest(np.nan_to_num(apart, posinf=0.0)) or 1.0
 
-    def holding(self, closed: Index, stick: Index) -> Tangent:
-        """The tangent with these points closed, and these stuck, whose friction is what holds them."""
-        new, slopes = copy(self), self.slopes
-        new.closed, new.stick = self.closed.copy(), self.stick.copy()
-        new.closed[closed] = new.stick[stick] = True
-        free = ~np.isin(np.arange(len(self.closed)), closed)
-        new.slopes = Slopes(*((own.T * free).T for own in slopes))
-        vars(new).pop("conditions", None)
+    def holding(self, closed: Mask, stick: Mask, slopes: Slopes) -> Tangent:
+        """The same with other points closed and stuck, and other friction."""
+        new = copy(self)
+        for name in ("bound", "presses", "bound_slope", "conditions"):
+            vars(new).pop(name, None)
+        vars(new).update(closed=closed, stick=stick, slopes=slopes)
         return new
 
     def solve(self, force: ArrayLike) -> Array:
