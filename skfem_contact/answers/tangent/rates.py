@@ -18,7 +18,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.sparse import issparse
 
 from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arrays import Array, lengths
@@ -27,8 +27,9 @@ from skfem_contact.problem.points import Duals
 from skfem_contact.problem.response import Response
 
 HANDED_ON = "slip", "friction", "reference", "bound", "stretch"
-#: Of one name to be added to, and the name of what a block at each point is multiplied with.
-Maps = list[tuple[str, str, NDArray[Any]]]
+#: What is added to a name, and the name of what that is a multiple of: by a block at each point, by a
+#: number at each, or by a sparse matrix.
+Maps = list[tuple[str, str, Any]]
 
 
 def _before(tangent: Tangent) -> Maps:
@@ -75,15 +76,23 @@ def _after(tangent: Tangent, lost: bool) -> Maps:
     return maps
 
 
-def _take(maps: Maps, values: Values, back: bool = False) -> None:
+def add(values: Values, name: str, own: Array) -> None:
+    """Add to the values of a name, which may not be there yet."""
+    values[name] = values[name] + own if name in values else own
+
+
+def take(maps: Maps, values: Values, back: bool = False) -> None:
     """Take maps one after the other; or, `back`, their transposes from the last to the first."""
     for out, of, block in reversed(maps) if back else maps:
         to, by = (of, out) if back else (out, of)
-        if by in values:
-            product = "ikl,ik->il" if back else "ikl,il->ik"
-            full = block.ndim == 3
-            own = np.einsum(product, block, values[by]) if full else block * values[by]
-            values[to] = values[to] + own if to in values else own
+        if by not in values:
+            continue
+        if issparse(block):
+            add(values, to, (block.T if back else block) @ values[by])
+        elif block.ndim == 3:
+            add(values, to, np.einsum("ikl,ik->il" if back else "ikl,il->ik", block, values[by]))
+        else:
+            add(values, to, block * values[by])
 
 
 class Rates:
@@ -106,16 +115,16 @@ class Rates:
     def __init__(self, tangent: Tangent, change: Values, last: Values) -> None:
         bolts, self.tangent = tangent.bolts, tangent
         self.values = values = change | {"last " + name: own for name, own in last.items()}
-        _take(_before(tangent), values)
+        take(_before(tangent), values)
         if bolts and "drive" in values:
-            values["f"] = values.get("f", 0.0) - bolts.pulls.T @ values["drive"]
+            add(values, "f", -bolts.pulls.T @ values["drive"])
         self._found = tangent.respond(values)
         found = self.response = self._found[-1]
         values |= {"gap": found.gap[:, None], "normal_force": found.normal_force[:, None]}
         values |= {"slip": found.slip, "friction": found.tangential_force}
         if bolts:
             values["pull"] = bolts.pulls @ self.u
-        _take(_after(tangent, True), values)
+        take(_after(tangent, True), values)
 
     @property
     def handed_on(self) -> Values:
@@ -149,12 +158,12 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
     answer, problem, bolts = tangent.answer, tangent.problem, tangent.bolts
     (m, t), duals = answer.local.slip.shape, dict(weights)
     for name, own in after.items():
-        duals[name] = duals[name] + own if name in duals else own
+        add(duals, name, own)
     if "lost" in duals:
         check_lost(tangent)
-    _take(_after(tangent, "lost" in duals), duals, back=True)
+    take(_after(tangent, "lost" in duals), duals, back=True)
     if bolts and "pull" in duals:
-        duals["u"] = duals.get("u", 0.0) + bolts.pulls.T @ duals["pull"]
+        add(duals, "u", bolts.pulls.T @ duals["pull"])
     forces, pulled, u = np.zeros(len(problem.compliance.W)), None, duals.get("u")
     case = tangent.case({} if u is None else {"f": u})
     if u is not None:
@@ -171,8 +180,8 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
         duals["f"] = tangent.recovered(force, case)
         duals["x"] = _by_supports(tangent, duals["f"], found, u)
     if bolts:
-        duals["drive"] = duals.get("drive", 0.0) - bolts.pulls @ duals["f"]
-    _take(_before(tangent), duals, back=True)
+        add(duals, "drive", -bolts.pulls @ duals["f"])
+    take(_before(tangent), duals, back=True)
     return duals, {name[5:]: own for name, own in duals.items() if name.startswith("last ")}
 
 
