@@ -60,7 +60,7 @@ class Verge:
         still, stiffness = np.zeros(local.slip.shape), tangent.answer.tangential_stiffness[at]
         self.slope = tangent.rule.slope(np.maximum(local.normal_force, 0.0), local.slip)[at]
         slid, way = tangent.slid[at] & self.rubs, unit_vectors(tangent.answer.plastic_slip[at])
-        self.direction = np.where(slid[:, None], way, tangent.toward[at])
+        self.direction = np.where(slid[:, None], way, unit_vectors(local.tangential_force[at]))
         self.open, self.slips = self.touches & ~tangent.closed[at], slid
         self.decides = self.rubs & ~slid  # whether it sticks
         self.turns = self.decides & self.touches  # has no direction of friction yet
