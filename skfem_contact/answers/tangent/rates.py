@@ -1,4 +1,4 @@
-r"""From changes of a load step to those of its answer, and backwards.
+r"""From changes of a load step to those of its answer, backwards, and to one side of a kink.
 
 What a step hands on to the next are slips, friction forces, the slips that points closed at, for the
 energy that friction takes its bounds, and the stretch of bolts. So the derivative of a history goes
@@ -10,6 +10,19 @@ it. Forwards they are taken one after the other, and backwards transposed, from 
 the solve has the factor of its own points in both directions. Displacements inside the bodies follow by
 reciprocity: contact forces move a body by ``U p``, and ``U'g`` are the gaps and slips that g as a load
 makes; so ``g . u`` depends on p by those.
+
+At a kink (`Tangent.kinks`) points are about to change, and which way they go follows from the change
+itself: rates of gaps g and pressures, of slips and of friction, are complementary as gaps and pressures
+themselves are. So each of these points is in one of few states, with which the tangent is that of any
+other answer:
+
+* open, ``p = 0`` while ``g >= 0``, or closed, ``g = 0`` while ``lambda >= 0``;
+* at its bound, friction having the direction d: it sticks while ``d . tau`` grows no more than the
+  bound, or slips on along d; across d it sticks either way, as a slip has to begin along d;
+* touching, with no friction yet: with Coulomb's law for the rates, in any direction, linearised as the
+  return map is; and where it has slid in this step already, friction against that slip.
+
+States are changed all at once, and one at a time once they repeat, until none contradicts.
 """
 
 from __future__ import annotations
@@ -20,12 +33,15 @@ from typing import Any
 import numpy as np
 from scipy.sparse import issparse
 
-from skfem_contact.answers.tangent.tangent import Tangent, Values
-from skfem_contact.arrays import Array, lengths
-from skfem_contact.errors import InputError
+from skfem_contact.answers.tangent.tangent import Slopes, Tangent, Values
+from skfem_contact.answers.thresholds import MOST_CHANGES
+from skfem_contact.arrays import Array, Index, Mask, lengths, size_of, unit_vectors
+from skfem_contact.digits import SOLVED
+from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.problem.points import Duals
 from skfem_contact.problem.response import Response
 
+TINY = np.finfo(float).tiny
 HANDED_ON = "slip", "friction", "reference", "bound", "stretch"
 #: What is added to a name, and the name of what that is a multiple of: by a block at each point, by a
 #: number at each, or by a sparse matrix.
@@ -195,6 +211,146 @@ def _by_supports(tangent: Tangent, f: Array, found: Duals, u: Array | None) -> A
         whole = whole + kin.B_t.T @ found.slip0.ravel()
     x[system.D] = (whole if u is None else whole + u)[system.D]
     return x
+
+
+def one_sided(tangent: Tangent, found: Values, last: Values, side: int) -> Rates:
+    """Rates to one side, with the statuses that hold there.
+
+    Raises
+    ------
+    InputError
+        Bounds of friction at the kink change with the slip.
+    NotConverged
+        No statuses fit.
+    """
+    found = {name: side * own for name, own in found.items()}
+    return Verge(tangent, found, last).rates() if len(tangent.kinks) else Rates(tangent, found, last)
+
+
+class Verge:
+    """The points of a tangent that are about to change, and their states."""
+
+    def __init__(self, tangent: Tangent, change: Values, last: Values) -> None:
+        self.tangent, self.change, self.last = tangent, change, last
+        self.at = at = tangent.kinks
+        compliance, local, answer = tangent.problem.compliance, tangent.local, tangent.answer
+        has_slip = np.all(compliance.tangential_rows[at] >= 0, axis=1)
+        self.rubs = answer.model.interface.frictional[at] & has_slip
+        self.touches = tangent.touching[at] & (compliance.normal_rows[at] >= 0)
+        if self.rubs.any() and not tangent.rule.steady:
+            raise InputError(
+                "side: bounds of friction that change with the slip have no one-sided derivatives. "
+                "Take Coulomb, OrthotropicCoulomb or Tresca, or move the load a little off the kink."
+            )
+        self.slope = tangent.rule.slope(np.maximum(local.normal_force, 0.0), local.slip)[at]
+        slid = tangent.slid[at] & self.rubs
+        self.open, self.slips = self.touches & ~tangent.closed[at], slid
+        self.decides = self.rubs & ~slid  # whether it sticks
+        self.turns = self.decides & self.touches  # has no direction of friction yet
+        toward = np.where(slid[:, None], answer.plastic_slip[at], local.tangential_force[at])
+        self.direction = unit_vectors(toward)
+        stiffness = answer.tangential_stiffness[at, None]
+        self.give = 1.0 / stiffness  # a finite stiffness gives back a part of the slip
+        # with exact sticking any stiffness does, see `tangent`
+        own, self.exact = tangent.problem.resistance.tangential[at, None], np.isinf(stiffness)
+        self.stiffness = np.where(self.exact, own, stiffness)
+        bound = change["bound"][at, 0] if "bound" in change else 0.0
+        self.bound, self.least = np.where(self.turns, 0.0, bound), np.zeros(2)
+        self._read(Rates(tangent, change, last).values)
+
+    def rates(self) -> Rates:
+        """Change states until none contradicts: all, and the last alone once they repeat (Murty)."""
+        seen, whole = set[bytes](), True
+        for _ in range(MOST_CHANGES * len(self.at)):
+            rates = self._solved()
+            self._read(rates.values)
+            wanted, turned = np.flatnonzero(self._contradicted()), self._turn()
+            if len(wanted):
+                key = self.open.tobytes() + self.slips.tobytes()
+                whole = whole and key not in seen
+                seen.add(key)
+                self._change(wanted if whole else wanted[-1:])
+            elif not turned:
+                return rates
+        raise NotConverged("no statuses of the points with a kink fit the change to this side", None)
+
+    def _solved(self) -> Rates:
+        """Rates with the states that the points have."""
+        at, rubs, change, tangent = self.at[self.rubs], self.rubs, dict(self.change), self.tangent
+        slips, unit, way = self.slips & ~self.open, np.eye(self.direction.shape[1]), self.direction
+        # what decides is held across its direction, and by the return map where that turns
+        bound = self.slope * np.maximum(self.normal_force, 0.0)
+        size = np.maximum(np.maximum(lengths(self.trial), bound), TINY)
+        turn = np.where(self.turns, bound / size, 1.0 * self.decides)[:, None, None]
+        J = turn * (unit - way[:, :, None] * way[:, None])
+        elastic = ~(self.exact[:, 0] | self.slips | self.open)
+        J = np.where(slips[:, None, None], J, unit * elastic[:, None, None])
+        exact, k = self.exact[:, :, None], self.stiffness[:, :, None]
+        spring = J * np.where(exact, k / np.maximum(1.0 - turn, SOLVED), k)
+        by_normal = np.where(slips, self.slope, 0.0)[:, None] * way
+        new = (spring, np.where(exact, 0.0, J), 0.0 * J, unit * slips[:, None, None], by_normal, way)
+        slopes = Slopes(*(own.copy() for own in tangent.slopes))
+        for own, here in zip(slopes, new, strict=True):
+            own[at] = here[rubs]
+        closed, stick = tangent.closed.copy(), tangent.stick.copy()
+        closed[self.at[self.touches]] = ~self.open[self.touches]
+        stick[at] = (self.exact[:, 0] & ~(self.slips | self.open))[rubs]
+        if "bound" in change:
+            change["bound"], change["mapped"] = (
+                change["bound"] * closed[:, None],
+                change["mapped"].copy(),
+            )
+            change["mapped"][at] = (self.bound[:, None] * way)[rubs]
+        return Rates(tangent.holding(closed, stick & closed, slopes), change, self.last)
+
+    def _read(self, values: Values) -> None:
+        """What the points do, and what of it is more than round-off."""
+        self.gap, self.normal_force = values["gap"][self.at, 0], values["normal_force"][self.at, 0]
+        self.friction = values["friction"][self.at]
+        since, still = values["slip"] - self.last.get("slip", 0.0), 0.0 * self.friction
+        before = self.last["friction"][self.at] if "friction" in self.last else still
+        # with what a finite stiffness gives back
+        self.moved = since[self.at] - self.give * (self.friction - before)
+        kinds = ("normal_force", "friction"), ("gap", "slip")
+        sizes = [max(size_of(values[name][np.isfinite(values[name])]) for name in own) for own in kinds]
+        self.least = np.maximum(self.least, SOLVED * np.array(sizes))
+
+    @property
+    def trial(self) -> Array:
+        """Trial forces that a stiffness of each point makes of its slip, (k, d-1)."""
+        return np.asarray(self.friction + self.stiffness * self.moved)
+
+    def _parts_or_meets(self) -> Mask:
+        force, way = self.least
+        return np.where(self.open, self.gap < -way, self.normal_force < -force) & self.touches
+
+    def _contradicted(self) -> Mask:
+        """Points whose rates contradict their state, (k,)."""
+        force, way = self.least
+        along = np.sum(self.friction * self.direction, axis=1)
+        bound = self.slope * self.normal_force + self.bound
+        beyond = np.where(self.turns, lengths(self.friction), along) - bound > force
+        back = np.sum(self.moved * self.direction, axis=1) < -way
+        slides = np.where(self.slips, back, beyond) & self.decides & ~self.open
+        return np.asarray(self._parts_or_meets() | slides)
+
+    def _turn(self) -> bool:
+        """Let friction be along the trial force where points slip; return whether any turned."""
+        on = self.turns & self.slips & ~self.open
+        way = np.where(on[:, None], unit_vectors(self.trial), self.direction)
+        turned = np.any(lengths(way - self.direction) > SOLVED)
+        self.direction = way
+        return bool(turned)
+
+    def _change(self, some: Index) -> None:
+        """Other states of some points, by their rates; what closes slips on, as it would by itself."""
+        on = np.isin(np.arange(len(self.at)), some)
+        normal = self._parts_or_meets() & on
+        self.open = self.open ^ normal
+        self.slips = np.where(normal, self.rubs & ~self.open, self.slips ^ on)
+        way = unit_vectors(np.where(normal[:, None], self.moved, self.friction))
+        turns = (on & self.turns)[:, None]
+        self.direction = np.where(turns, way * self.slips[:, None], self.direction)
 
 
 def check_lost(tangent: Tangent) -> None:
