@@ -354,12 +354,12 @@ def _places(by: Parameter, answer: Answer) -> list[tuple[int, slice]]:
     elif (number := number_of(by.of, contacts)) is not None:
         some = [number]
     else:
-        tools = [c.primary.name if motion and c.rigid else None for c in contacts]
-        known = names if by.of in names else tools
+        tools = tuple(c.primary.name if motion and c.rigid else None for c in contacts)
+        known: tuple[str | None, ...] = names if by.of in names else tools
         some = [i for i, name in enumerate(known) if name == by.of]
         if not some:
-            known = ", ".join(map(repr, names))
-            raise InputError(f"{by!r}: there is no such contact; there are {known}.")
+            words = ", ".join(map(repr, names))
+            raise InputError(f"{by!r}: there is no such contact; there are {words}.")
     return [(i, answer.model.interface.point_slices[i]) for i in some]
 
 

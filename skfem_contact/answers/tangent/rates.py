@@ -35,7 +35,7 @@ from scipy.sparse import issparse
 
 from skfem_contact.answers.tangent.tangent import Slopes, Tangent, Values
 from skfem_contact.answers.thresholds import MOST_CHANGES
-from skfem_contact.arrays import Array, Index, Mask, lengths, size_of, unit_vectors
+from skfem_contact.arrays import Array, lengths, size_of, unit_vectors
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.problem.points import Duals
@@ -134,8 +134,7 @@ class Rates:
         take(_before(tangent), values)
         if bolts and "drive" in values:
             add(values, "f", -bolts.pulls.T @ values["drive"])
-        self._found = tangent.respond(values)
-        found = self.response = self._found[-1]
+        found, self._recover = tangent.respond(values)
         values |= {"gap": found.gap[:, None], "normal_force": found.normal_force[:, None]}
         values |= {"slip": found.slip, "friction": found.tangential_force}
         if bolts:
@@ -150,7 +149,7 @@ class Rates:
     @cached_property
     def u(self) -> Array:
         """Of the displacements of all bodies, (n,)."""
-        return self.tangent.displacements(*self._found)
+        return self._recover()
 
     def dot(self, weights: Values) -> float:
         """The derivative of a number that depends on the answer by these weights."""
@@ -244,7 +243,7 @@ class Verge:
             )
         self.slope = tangent.rule.slope(np.maximum(local.normal_force, 0.0), local.slip)[at]
         slid = tangent.slid[at] & self.rubs
-        self.open, self.slips = self.touches & ~tangent.closed[at], slid
+        self.open, self.slips = self.touches & ~tangent.closed[at], slid.copy()
         self.decides = self.rubs & ~slid  # whether it sticks
         self.turns = self.decides & self.touches  # has no direction of friction yet
         toward = np.where(slid[:, None], answer.plastic_slip[at], local.tangential_force[at])
@@ -264,14 +263,11 @@ class Verge:
         for _ in range(MOST_CHANGES * len(self.at)):
             rates = self._solved()
             self._read(rates.values)
-            wanted, turned = np.flatnonzero(self._contradicted()), self._turn()
-            if len(wanted):
-                key = self.open.tobytes() + self.slips.tobytes()
-                whole = whole and key not in seen
-                seen.add(key)
-                self._change(wanted if whole else wanted[-1:])
-            elif not turned:
+            key = self.open.tobytes() + self.slips.tobytes()
+            whole = whole and key not in seen
+            if not self._change(whole):
                 return rates
+            seen.add(key)
         raise NotConverged("no statuses of the points with a kink fit the change to this side", None)
 
     def _solved(self) -> Rates:
@@ -309,48 +305,34 @@ class Verge:
         self.friction = values["friction"][self.at]
         since, still = values["slip"] - self.last.get("slip", 0.0), 0.0 * self.friction
         before = self.last["friction"][self.at] if "friction" in self.last else still
-        # with what a finite stiffness gives back
-        self.moved = since[self.at] - self.give * (self.friction - before)
+        # trial forces of a stiffness of each point, with what a finite one gives back of the slip
+        moved = since[self.at] - self.give * (self.friction - before)
+        self.trial = self.friction + self.stiffness * moved
         kinds = ("normal_force", "friction"), ("gap", "slip")
         sizes = [max(size_of(values[name][np.isfinite(values[name])]) for name in own) for own in kinds]
         self.least = np.maximum(self.least, SOLVED * np.array(sizes))
 
-    @property
-    def trial(self) -> Array:
-        """Trial forces that a stiffness of each point makes of its slip, (k, d-1)."""
-        return np.asarray(self.friction + self.stiffness * self.moved)
+    def _change(self, whole: bool) -> bool:
+        """Other states of the points, by their rates; return whether there are any.
 
-    def _parts_or_meets(self) -> Mask:
+        Within round-off states stay as they are.
+        """
         force, way = self.least
-        return np.where(self.open, self.gap < -way, self.normal_force < -force) & self.touches
-
-    def _contradicted(self) -> Mask:
-        """Points whose rates contradict their state, (k,)."""
-        force, way = self.least
-        along = np.sum(self.friction * self.direction, axis=1)
-        bound = self.slope * self.normal_force + self.bound
-        beyond = np.where(self.turns, lengths(self.friction), along) - bound > force
-        back = np.sum(self.moved * self.direction, axis=1) < -way
-        slides = np.where(self.slips, back, beyond) & self.decides & ~self.open
-        return np.asarray(self._parts_or_meets() | slides)
-
-    def _turn(self) -> bool:
-        """Let friction be along the trial force where points slip; return whether any turned."""
-        on = self.turns & self.slips & ~self.open
-        way = np.where(on[:, None], unit_vectors(self.trial), self.direction)
-        turned = np.any(lengths(way - self.direction) > SOLVED)
-        self.direction = way
-        return bool(turned)
-
-    def _change(self, some: Index) -> None:
-        """Other states of some points, by their rates; what closes slips on, as it would by itself."""
-        on = np.isin(np.arange(len(self.at)), some)
-        normal = self._parts_or_meets() & on
-        self.open = self.open ^ normal
-        self.slips = np.where(normal, self.rubs & ~self.open, self.slips ^ on)
-        way = unit_vectors(np.where(normal[:, None], self.moved, self.friction))
-        turns = (on & self.turns)[:, None]
-        self.direction = np.where(turns, way * self.slips[:, None], self.direction)
+        k, little = self.stiffness[:, 0], force + self.stiffness[:, 0] * way
+        pressed, trial = self.normal_force - k * self.gap, self.trial
+        open_ = self.touches & (pressed < np.where(self.open, little, -little))
+        size = np.where(self.turns, lengths(trial), np.sum(trial * self.direction, axis=1))
+        beyond = size - self.slope * self.normal_force - self.bound
+        slips = np.where(self.decides, beyond > np.where(self.slips, -little, little), True)
+        slips = slips & self.rubs & ~open_
+        new = np.flatnonzero((open_ != self.open) | (slips != self.slips))
+        new = new if whole else new[-1:]
+        self.open[new], self.slips[new] = open_[new], slips[new]
+        turns = self.turns & self.slips
+        direction = np.where(turns[:, None], unit_vectors(trial), self.direction)
+        turned = np.any(lengths(direction - self.direction) > SOLVED)
+        self.direction = direction
+        return bool(turned) or len(new) > 0
 
 
 def check_lost(tangent: Tangent) -> None:

@@ -22,10 +22,11 @@ offsets are what the step before and the parameter make of them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,7 +34,7 @@ from scipy.sparse import block_diag, csr_matrix, vstack
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.arguments import numbers
-from skfem_contact.arrays import Array, Index, Mask, largest, lengths, size_of, unit_vectors
+from skfem_contact.arrays import Array, Index, Mask, check_size, largest, lengths, unit_vectors
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
@@ -46,7 +47,8 @@ from skfem_contact.digits import SOLVED
 from skfem_contact.elimination.constraint import AffineConstraint, eliminate
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.problem.response import Conditions, Load, Response, Source
+from skfem_contact.loops.complementarity import largest_force
+from skfem_contact.problem.response import Conditions, Response, Source
 from skfem_contact.problem.zone import Zone, Zones
 
 #: Derivatives by name, of loads or points: (n,) or (m, width). What is not there is zero.
@@ -247,10 +249,9 @@ class Tangent:
     @cached_property
     def largest_force(self) -> float:
         """The largest force of a point; without any, what would close the largest gap [force]."""
-        local = self.local
-        forces = max(size_of(local.normal_force), largest(lengths(local.tangential_force)))
-        apart = np.where(np.isfinite(local.gap), local.gap, 0.0) * self.problem.resistance.normal
-        return forces or largest(np.nan_to_num(apart, posinf=0.0)) or 1.0
+        gap = np.where(np.isfinite(self.local.gap), self.local.gap, 0.0)
+        apart = np.nan_to_num(gap * self.problem.resistance.normal, posinf=0.0)
+        return largest_force(self.local) or largest(apart) or 1.0
 
     # -- solves, through the factors that are there ---------------------------------------------
 
@@ -271,9 +272,8 @@ class Tangent:
         """Changes of displacements (n,) under those of loads (n,), ``T (W'KT)^-1 W'``, by factors."""
         system = self.answer.system
         f = numbers(force, "force", "give a load (n,)")
-        if f.shape != (system.n,):
-            raise InputError(f"force has shape {f.shape}; give a load on all DOFs, ({system.n},)")
-        return self.displacements(*self.respond({"f": f / system.units})) / system.units
+        check_size(f, system.n, "force", f"and has to be a load on all DOFs, ({system.n},)")
+        return self.respond({"f": f / system.units})[1]() / system.units
 
     def case(self, given: Values) -> LoadCase:
         """Return the load case of changes of the loads f, x, and of gap0 and slip0."""
@@ -282,18 +282,17 @@ class Tangent:
         gap0 = given["gap0"].ravel() if "gap0" in given else np.zeros(m)
         return LoadCase(f, x, gap0, given.get("slip0", np.zeros((m, t))), np.zeros(m), ())
 
-    def respond(self, given: Values) -> tuple[LoadCase, Load, Response]:
-        """Return the response of the points to such changes, and to those of offset and anchor."""
+    def respond(self, given: Values) -> tuple[Response, Callable[[], Array]]:
+        """Response of the points to such changes, and to those of offset and anchor.
+
+        And how to find the displacements of all bodies (n,) that follow from it.
+        """
         held, case = self.conditions, self.case(given)
         anchor, offset = (given.get(name, held.anchor) for name in ("anchor", "offset"))
-        held = replace(held, anchor=anchor, offset=offset)
         with single_threaded:
             load, (zone, key) = self.problem.other_load(case), self.zone
-            return case, load, zone.solve(held, load, key)
-
-    def displacements(self, case: LoadCase, load: Load, response: Response) -> Array:
-        """Changes of all displacements (n,) that follow from what the points do."""
-        return self.recovered(self.problem.source(load, response).values, case)
+            found = zone.solve(replace(held, anchor=anchor, offset=offset), load, key)
+        return found, lambda: self.recovered(self.problem.source(load, found).values, case)
 
     def recovered(self, force: Array, case: LoadCase) -> Array:
         """Displacements (n,) under a load case and forces on the contact DOFs (n_c,)."""
@@ -376,31 +375,27 @@ def refuse(answer: Answer) -> None:
     ------
     InputError
     """
-    model = answer.model
-    interface = model.interface
-    bare = [
-        f"{type(law.law).__name__} of contact '{law.contact}'"
-        for _, law in interface.laws
-        if law.by_bound and type(law.law).slope is FrictionLaw.slope
+    model, interface = answer.model, answer.model.interface
+    remembers = [getattr(body, "initial_state", None) for body in model.system.bodies]
+    laws = [
+        own for _, own in interface.laws if own.by_bound and type(own.law).slope is FrictionLaw.slope
     ]
-    reasons: dict[str, Any] = {
+    bare = ", ".join(f"{type(own.law).__name__} of contact '{own.contact}'" for own in laws)
+    reasons = {
         f"it did not converge ({answer.message})": not answer.converged,
         'contact slides far (sliding="finite"): how its pairing changes is not differentiated. Where '
         'slips are short, sliding="small" has derivatives': model.geometry.follows,
         "surfaces wear: the depth worn off is not differentiated. Leave wear out of the contact": (
-            interface.wear or np.any(answer.state.wear)
+            bool(interface.wear) or np.any(answer.state.wear)
         ),
         f"its load step was cut into {answer.parts} parts, whose states are not kept. Give the history "
         "smaller steps": answer.parts > 1,
         "conditions of its points depend on each other, so that forces are not unique. Let contacts "
         "share no edge, and make a held tool no finer than what it presses": answer.springs,
-        "a body may stand elsewhere as well. Prescribe a DOF (D=...)": answer.indifferent,
-        "a material has internal variables, which are not differentiated": any(
-            getattr(body, "initial_state", None) for body in model.system.bodies
-        ),
-        f"the law {', '.join(bare)} has no slopes of its own, and "
-        "difference quotients leave six digits. Give it a method slope(...), the derivative of its "
-        "limit by the normal force, or a return_map(...)": bare,
+        "a body may stand elsewhere as well. Prescribe a DOF (D=...)": bool(answer.indifferent),
+        "a material has internal variables, which are not differentiated": any(remembers),
+        f"the law {bare} has no slopes of its own, and difference quotients leave six digits. Give it "
+        "slope(...), the derivative of its limit by the normal force, or a return_map(...)": bool(bare),
         f"the contact problem has no matrix on this route ({model.route}). Make the solver with "
         'linear="condensed"': model.for_tangents is None,
     }
