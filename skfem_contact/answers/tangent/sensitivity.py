@@ -12,13 +12,14 @@ from skfem_contact.answers.tangent.changes import Parameter, change, parameters
 from skfem_contact.answers.tangent.rates import Maps, Rates, add, check_lost, one_sided, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import numbers, shown
-from skfem_contact.arrays import Array, Index
+from skfem_contact.arrays import Array, Index, same
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.errors import InputError
 
 AT_CONTACT = "gap", "normal_force", "pressure", "slip", "tangential_force", "force", "dissipation"
 #: Of which each point has a share.
 SUMS = "force", "dissipation"
+At = Index | slice
 #: The name of the values of a quantity.
 ASKED = "asked"
 
@@ -139,7 +140,7 @@ def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int)
 # -- quantities -----------------------------------------------------------------------------------
 
 
-def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, Index]:
+def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At]:
     """A quantity of a contact as maps of values at points, and which points have it.
 
     Of a resultant each point has its share.
@@ -152,12 +153,14 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, Index]:
         raise InputError(f"there is no contact {shown(contact)}, only {', '.join(answer.names)}")
     i, kin, local = answer.names.index(contact or answer.names[0]), answer.kin, answer.local
     part = answer.model.interface.point_slices[i]
-    heir, own = kin.heir[part], np.arange(part.start, part.stop)
+    heir: At = kin.heir[part]
+    if same(kin.heir[part], np.arange(part.start, part.stop)):
+        heir = part
     if what == "dissipation":
-        return [(ASKED, "lost", np.ones((1, 1)))], np.arange(kin.m) if contact is None else own
+        return [(ASKED, "lost", np.ones((1, 1)))], slice(None) if contact is None else part
     normal_force = local.normal_force[:, None]
     if what in ("gap", "normal_force"):
-        return [(ASKED, what, np.ones((1, 1)))], heir if what == "gap" else own
+        return [(ASKED, what, np.ones((1, 1)))], heir if what == "gap" else part
     if what == "pressure":
         per = np.divide(1.0, kin.area, out=np.zeros(kin.m), where=kin.area > 0)[:, None]
         return [(ASKED, "normal_force", per), (ASKED, "area", -(per**2) * normal_force)], heir
@@ -169,7 +172,7 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, Index]:
             )
         return [(ASKED, "slipped", _along_tangents(kin, kin.duals))], heir
     if what == "tangential_force":
-        return [(ASKED, "friction", -_along_tangents(kin, kin.axes))], own
+        return [(ASKED, "friction", -_along_tangents(kin, kin.axes))], part
     unit = np.eye(kin.normal.shape[1])
     by_axes = -np.einsum("it,de->idte", local.tangential_force, unit)
     return [  # force = sum of lambda n - tau . axes
@@ -177,7 +180,7 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, Index]:
         (ASKED, "friction", -kin.axes.swapaxes(1, 2)),
         (ASKED, "normal", normal_force),
         (ASKED, "axes", by_axes.reshape(kin.m, len(unit), -1)),
-    ], own
+    ], part
 
 
 def _along_tangents(kin: Kinematics, basis: Array) -> Array:
@@ -216,12 +219,15 @@ def _add(found: Values, answer: Answer, what: str, contact: str | None, value: A
         ELSEWHERE[what](found, answer, value)
         return
     maps, at = _quantity(answer, what, contact)
-    m, d, t = len(at), answer.kin.normal.shape[1], answer.kin.tangents
+    m, d, t = len(answer.kin.heir[at]), answer.kin.normal.shape[1], answer.kin.tangents
     shapes = {"slip": (m, t), "tangential_force": (m, t), "force": (d,), "dissipation": ()}
     own = _shaped(value, shapes.get(what, (m,)), what)
     own = (np.broadcast_to(own, (m, *own.shape)) if what in SUMS else own).reshape(m, -1)
     found[ASKED] = np.zeros((answer.kin.m, own.shape[1]))
-    np.add.at(found[ASKED], at, own)
+    if isinstance(at, slice):
+        found[ASKED][at] = own
+    else:
+        np.add.at(found[ASKED], at, own)
     take(maps, found, back=True)
     del found[ASKED]
 

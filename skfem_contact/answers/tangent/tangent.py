@@ -151,18 +151,19 @@ class Tangent:
     def slopes(self) -> Slopes:
         """Derivatives of the friction of slipping points."""
         local, (m, t) = self.local, self.local.slip.shape
-        unit, slips = np.eye(t), self.slips[:, None, None]
-        stiffness, elastic = self.answer.tangential_stiffness, unit * self.elastic[:, None, None]
-        exact = np.isinf(stiffness)[:, None, None]
+        stiffness, slips = self.answer.tangential_stiffness[:, None], self.slips[:, None, None]
         if t == 1 and self.rule.steady:  # nothing turns
-            by_normal, none = self.direction * self.bound_slope[:, None], np.zeros((m, 1, 1))
-            spring = np.where(self.elastic, stiffness, 0.0)[:, None, None]
-            return Slopes(spring, elastic, none, 1.0 * slips, by_normal, BEYOND * self.direction)
+            by_normal, elastic = self.direction * self.bound_slope[:, None], self.elastic[:, None]
+            spring, none = np.where(elastic, stiffness, 0.0)[:, None], np.zeros((m, 1, 1))
+            by_trial, trial = 1.0 * elastic[:, None], BEYOND * self.direction
+            return Slopes(spring, by_trial, none, 1.0 * slips, by_normal, trial)
+        unit, exact = np.eye(t), np.isinf(stiffness)
+        elastic = unit * self.elastic[:, None, None]
         way, force = self.answer.plastic_slip, lengths(local.tangential_force)
         moved = lengths(way)
         # with exact sticking any stiffness does: one that makes the trial force twice the bound
         k = np.where(force > 0, force, 1.0) / np.where(moved > 0, moved, 1.0)
-        k = np.where(exact[:, 0], k[:, None], stiffness[:, None])
+        k, exact = np.where(exact, k[:, None], stiffness), exact[:, None]
         trial = local.tangential_force + k * way if t > 1 else BEYOND * self.direction
         by = self.rule.mapped(trial, local.normal_force, local.slip)[2]
         J = np.where(slips, by.trial, 0.0)
