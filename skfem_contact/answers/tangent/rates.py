@@ -51,11 +51,9 @@ Maps = list[tuple[str, str, Any]]
 def _before(tangent: Tangent) -> Maps:
     """What conditions of a linear solve follow from: friction of the law, and what came before."""
     slopes = tangent.slopes
-    maps: Maps = [
-        ("anchor", "last slip", np.ones((1, 1))),
-        ("offset", "mapped", slopes.by_map),
-        ("offset", "last friction", slopes.by_trial),
-    ]
+    maps: Maps = [("anchor", "last slip", np.ones((1, 1))), ("offset", "mapped", slopes.by_map)]
+    if slopes.by_trial.any():
+        maps.append(("offset", "last friction", slopes.by_trial))
     if not tangent.rule.steady:
         by_slip = slopes.by_slip
         maps += [("offset", "last slip", by_slip), ("offset", "last reference", -by_slip)]
@@ -180,9 +178,9 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
     if bolts and "pull" in duals:
         add(duals, "u", bolts.pulls.T @ duals["pull"])
     forces, pulled, u = np.zeros(len(problem.compliance.W)), None, duals.get("u")
-    case = tangent.case({} if u is None else {"f": u})
+    given = Values() if u is None else {"f": u}
     if u is not None:
-        pulled = problem.other_load(case)
+        pulled = problem.other_load(tangent.case(given))
         forces = np.asarray(pulled.moved)
     gap, normal_force = (np.ravel(duals.get(name, np.zeros(m))) for name in ("gap", "normal_force"))
     slip, friction = (duals.get(name, np.zeros((m, t))) for name in ("slip", "friction"))
@@ -192,7 +190,7 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
     duals |= {"anchor": found.anchor, "offset": found.offset}
     if loads or bolts:
         force = problem.G.T @ found.moved + (0.0 if pulled is None else pulled.prescribed)
-        duals["f"] = tangent.recovered(force, case)
+        duals["f"] = tangent.recovered(force, given)
         duals["x"] = _by_supports(tangent, duals["f"], found, u)
     if bolts:
         add(duals, "drive", -bolts.pulls @ duals["f"])

@@ -12,7 +12,7 @@ from skfem_contact.answers.tangent.changes import Parameter, change, parameters
 from skfem_contact.answers.tangent.rates import Maps, Rates, add, check_lost, one_sided, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import numbers, shown
-from skfem_contact.arrays import Array, Index, same
+from skfem_contact.arrays import Array, Index
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.errors import InputError
 
@@ -153,16 +153,14 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At]:
         raise InputError(f"there is no contact {shown(contact)}, only {', '.join(answer.names)}")
     i, kin, local = answer.names.index(contact or answer.names[0]), answer.kin, answer.local
     part = answer.model.interface.point_slices[i]
-    heir: At = kin.heir[part]
-    if same(kin.heir[part], np.arange(part.start, part.stop)):
-        heir = part
+    heir: At = kin.heir[part] if kin.inherits else part
     if what == "dissipation":
         return [(ASKED, "lost", np.ones((1, 1)))], slice(None) if contact is None else part
     normal_force = local.normal_force[:, None]
     if what in ("gap", "normal_force"):
         return [(ASKED, what, np.ones((1, 1)))], heir if what == "gap" else part
     if what == "pressure":
-        per = np.divide(1.0, kin.area, out=np.zeros(kin.m), where=kin.area > 0)[:, None]
+        per = kin.per_area[:, None]
         return [(ASKED, "normal_force", per), (ASKED, "area", -(per**2) * normal_force)], heir
     if what == "slip":
         if not answer.model.interface.slipping[part].any():
@@ -266,6 +264,8 @@ ELSEWHERE = {"u": _by_all, "displacement": _by_displacement, "bolts": _by_bolts}
 
 
 def _shaped(value: Any, shape: tuple[int, ...], what: str) -> Array:
+    if isinstance(value, np.ndarray) and value.dtype == float and value.shape == shape:
+        return value  # as a rule
     found = numbers(value, f"the derivative by {what}", f"give an array of shape {shape}", copy=False)
     if found.shape != shape:
         raise InputError(f"the derivative by {what} has shape {found.shape}, not {shape}")

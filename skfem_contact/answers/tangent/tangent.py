@@ -140,11 +140,13 @@ class Tangent:
     @cached_property
     def direction(self) -> Array:
         """See the class."""
-        along, way = self.local.tangential_force, self.answer.plastic_slip
+        along = self.local.tangential_force
         size = lengths(along)
         # nearly without a bound friction has a direction all the same: that of the slip
-        faint = self.slips & (size <= SOLVED * largest(size)) & way.any(axis=1)
-        along = np.where(faint[:, None], way, along)
+        faint = self.slips & (size <= SOLVED * largest(size))
+        if np.count_nonzero(faint):
+            way = self.answer.plastic_slip
+            along = np.where((faint & way.any(axis=1))[:, None], way, along)
         return unit_vectors(np.where(self.slips[:, None], along, 0.0))
 
     @cached_property
@@ -288,18 +290,18 @@ class Tangent:
 
         And how to find the displacements of all bodies (n,) that follow from it.
         """
-        held, case = self.conditions, self.case(given)
+        held = self.conditions
         anchor, offset = (given.get(name, held.anchor) for name in ("anchor", "offset"))
         with single_threaded:
-            load, (zone, key) = self.problem.other_load(case), self.zone
+            load, (zone, key) = self.problem.other_load(self.case(given)), self.zone
             found = zone.solve(replace(held, anchor=anchor, offset=offset), load, key)
-        return found, lambda: self.recovered(self.problem.source(load, found).values, case)
+        return found, lambda: self.recovered(self.problem.source(load, found).values, given)
 
-    def recovered(self, force: Array, case: LoadCase) -> Array:
-        """Displacements (n,) under a load case and forces on the contact DOFs (n_c,)."""
+    def recovered(self, force: Array, given: Values) -> Array:
+        """Displacements (n,) under such changes and forces on the contact DOFs (n_c,)."""
         source = Source(force[:, None], True)
         with single_threaded:
-            found: Array = self.problem.bodies.recover(source, [None], [case])[0]
+            found: Array = self.problem.bodies.recover(source, [None], [self.case(given)])[0]
         return found
 
     # -- matrices, on request -------------------------------------------------------------------
