@@ -145,7 +145,7 @@ def damping(
     cycled = [_cycled(solver, result, inertia / m, force, steps, cycles) for force in peak]
     loops, first, count, closed, last = map(list, zip(*cycled, strict=True))
     if not all(closed):
-        some = ", ".join(f"{w:.6g}" for w, done in zip(asked, closed, strict=True) if not done)
+        some = ", ".join(f"{w:.6g}" for w, shut in zip(asked, closed, strict=True) if not shut)
         warn(
             f"loops of the amplitudes {some} did not close in {cycles} cycles: the joint settles. "
             "Let more cycles pass, damping(..., cycles=...), or begin from a result that has been "
@@ -157,23 +157,24 @@ def damping(
     energy = peak * [loop[:, 0] @ sines for loop in loops]
     masing = 2 * peak * [(w[-1, 0] - 2 * w[:, 0]) @ sines[: steps + 1] for w in first]
     energy, masing = (np.where(np.abs(e) > SOLVED * peak * amplitude, e, 0.0) for e in (energy, masing))
-    tight = {
-        name: [r[-1].bolts[name].force - bolt.force for r in last]
-        for name, bolt in result.bolts.items()
-    }
+    frequency = np.sqrt(peak / (m * amplitude)) / (2 * np.pi)
+    ratio, done = energy / (2 * np.pi * peak * amplitude), np.array(closed)
+    lost = np.array([sum(r.dissipation for r in own) for own in last])
+    tight = {name: [own[-1].bolts[name].force for own in last] for name in result.bolts}
+    bolts = {name: np.array(own) - result.bolts[name].force for name, own in tight.items()}
     return Damping(
-        linear=linear,
-        amplitude=amplitude,
-        frequency=np.sqrt(peak / (m * amplitude)) / (2 * np.pi),
-        energy=energy,
-        damping=energy / (2 * np.pi * peak * amplitude),
-        masing=masing,
-        dissipation=np.array([sum(r.dissipation for r in own) for own in last]),
-        cycles=np.array(count),
-        closed=np.array(closed),
-        loops=loops,
-        first=first,
-        bolts={name: np.array(own) for name, own in tight.items()},
+        linear,
+        amplitude,
+        frequency,
+        energy,
+        ratio,
+        masing,
+        lost,
+        np.array(count),
+        done,
+        loops,
+        first,
+        bolts,
     )
 
 

@@ -223,10 +223,8 @@ def plot_damping(damping: Damping, *, units: Mapping[str, str] | None = None) ->
     >>> figure = sc.output.plot_damping(found, units={"length": "m", "time": "s"})
     """
     check_kind(damping, Damping, "damping", "give what solver.damping(...) returned")
-    words = {
-        "frequency": f"1/{units['time']}" if units and "time" in units else "",
-        **checked_units(units),
-    }
+    words = checked_units(units)
+    turns = f"frequency [1/{words['time']}]" if "time" in words else "frequency"
     figure, order = new_figure((10.5, 3.4)), np.argsort(damping.amplitude)
     by_frequency, by_damping, beside = figure.subplots(1, 3)
     over, amplitude = labelled("amplitude", "length", words), damping.amplitude[order]
@@ -237,16 +235,14 @@ def plot_damping(damping: Damping, *, units: Mapping[str, str] | None = None) ->
         ax.minorticks_off()
         ax.set_xlabel(over)
     by_damping.set_ylabel("damping, of critical")
-    by_frequency.set_ylabel(labelled("frequency", "frequency", words))
+    by_frequency.set_ylabel(turns)
     by_frequency.axhline(damping.linear, color=LINES, lw=0.8, ls=":", label="the mode itself")
     by_frequency.ticklabel_format(axis="y", useOffset=False)
     by_frequency.legend(frameon=False, fontsize="small", **ABOVE)
-    shades = np.linspace(0.3, 1.0, len(order))
-    drawn = [(damping.loops[i], "-", s, f"{damping.amplitude[i]:.3g}") for s, i in zip(shades, order)]
-    for loop, style, shade, label in [
-        *drawn,
-        (damping.masing_loop(int(order[-1])), "--", 0.8, "by Masing"),
-    ]:
+    shades = zip(order, np.linspace(0.3, 1.0, len(order)), strict=True)
+    drawn = [(damping.loops[i], "-", shade, f"{damping.amplitude[i]:.3g}") for i, shade in shades]
+    drawn.append((damping.masing_loop(int(order[-1])), "--", 0.8, "by Masing"))
+    for loop, style, shade, label in drawn:
         w, force = loop.T
         middle, peak = 0.5 * (w.max() + w.min()), np.abs(force).max()
         off = (w - middle) / (0.5 * np.ptp(w)) - force / peak

@@ -264,7 +264,7 @@ ELSEWHERE = {"u": _by_all, "displacement": _by_displacement, "bolts": _by_bolts}
 
 
 def _shaped(value: Any, shape: tuple[int, ...], what: str) -> Array:
-    if isinstance(value, np.ndarray) and value.dtype == float and value.shape == shape:
+    if type(value) is np.ndarray and value.dtype == float and value.shape == shape:
         return value  # as a rule
     found = numbers(value, f"the derivative by {what}", f"give an array of shape {shape}", copy=False)
     if found.shape != shape:

@@ -113,12 +113,14 @@ class Tangent:
     [[0.3], [-0.3]]
     """
 
-    def __init__(self, answer: Answer, zones: Zones | None = None) -> None:
+    def __init__(self, answer: Answer, zones: dict[int, Zones] | None = None) -> None:
         refuse(answer)
         problem, interface = answer.model.for_tangents, answer.model.interface
         assert problem is not None
         self.answer, self.problem = answer, problem
-        self.zones = zones or Zones(problem.compliance)
+        # shared by a history, as far as it is on one problem: steps that tighten bolts have another
+        known = {} if zones is None else zones
+        self.zones = known.get(id(problem)) or known.setdefault(id(problem), Zones(problem.compliance))
         self.local = local = answer.local
         self.rule = FrictionRule(interface.laws, local.area, local.reference)
         # bolts in the step: with a force that is given, and with the stretch of the step before
