@@ -249,8 +249,12 @@ class Verge:
         stiffness = answer.tangential_stiffness[at, None]
         self.give = 1.0 / stiffness  # a finite stiffness gives back a part of the slip
         # with exact sticking any stiffness does, see `tangent`
-        own, self.exact = tangent.problem.resistance.tangential[at, None], np.isinf(stiffness)
-        self.stiffness = np.where(self.exact, own, stiffness)
+        own, self.exact = tangent.problem.resistance, np.isinf(stiffness)
+        self.stiffness = np.where(self.exact, own.tangential[at, None], stiffness)
+        self.stiffness, self.hardness = (
+            np.where(self.rubs[:, None], self.stiffness, 0.0),
+            own.normal[at],
+        )
         bound = change["bound"][at, 0] if "bound" in change else 0.0
         self.bound, self.least = np.where(self.turns, 0.0, bound), np.zeros(2)
         self._read(Rates(tangent, change, last).values)
@@ -290,11 +294,9 @@ class Verge:
         closed[self.at[self.touches]] = ~self.open[self.touches]
         stick[at] = (self.exact[:, 0] & ~(self.slips | self.open))[rubs]
         if "bound" in change:
-            change["bound"], change["mapped"] = (
-                change["bound"] * closed[:, None],
-                change["mapped"].copy(),
-            )
-            change["mapped"][at] = (self.bound[:, None] * way)[rubs]
+            mapped = change["mapped"].copy()
+            change |= {"bound": change["bound"] * closed[:, None], "mapped": mapped}
+            mapped[at] = (self.bound[:, None] * way)[rubs]
         return Rates(tangent.holding(closed, stick & closed, slopes), change, self.last)
 
     def _read(self, values: Values) -> None:
@@ -316,9 +318,10 @@ class Verge:
         Within round-off states stay as they are.
         """
         force, way = self.least
-        k, little = self.stiffness[:, 0], force + self.stiffness[:, 0] * way
-        pressed, trial = self.normal_force - k * self.gap, self.trial
+        pressed, trial = self.normal_force - self.hardness * self.gap, self.trial
+        little = force + self.hardness * way
         open_ = self.touches & (pressed < np.where(self.open, little, -little))
+        little = force + self.stiffness[:, 0] * way
         size = np.where(self.turns, lengths(trial), np.sum(trial * self.direction, axis=1))
         beyond = size - self.slope * self.normal_force - self.bound
         slips = np.where(self.decides, beyond > np.where(self.slips, -little, little), True)
