@@ -805,8 +805,10 @@ def test_wrong_questions_are_refused():
         "side = 2": lambda: result.sensitivity("gap", side=2),
         "after is by": lambda: result.sensitivity("gap", after=result.sensitivity("friction")),
         r"has shape \(3,\), not \(5,\)": lambda: result.sensitivity("gap").dot({"gap": np.ones(3)}),
-        "name 'heat'": lambda: result.sensitivity("gap").dot({"heat": 1.0}),
-        "one for each body": lambda: result.sensitivity("gap").dot({"displacement": np.ones(50)}),
+        "named 'heat'": lambda: result.sensitivity("gap").dot({"heat": 1.0}),
+        "derivative by u has shape": lambda: result.sensitivity("gap").dot(
+            {"displacement": np.ones(5)}
+        ),
         r"return \(value, derivatives\)": lambda: solver.gradient(lambda r: 1.0, [STEP], by="gap"),
         "1 results": lambda: solver.gradient(lambda r: (1.0, []), [STEP], by="gap"),
         "by is empty": lambda: solver.gradient(lambda r: (1.0, [None]), [STEP], by=[]),

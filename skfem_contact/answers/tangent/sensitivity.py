@@ -146,7 +146,9 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At]:
     Of a resultant each point has its share.
     """
     if what not in AT_CONTACT:
-        raise InputError(f"{what!r} is none of {', '.join(AT_CONTACT)}")
+        raise InputError(
+            f"no quantity is named {what!r}; there are {', '.join([*AT_CONTACT, *ELSEWHERE])}"
+        )
     if contact is None and len(answer.names) != 1 and what != "dissipation":
         raise InputError(f"{what}: there are several contacts; name one of {', '.join(answer.names)}")
     if contact is not None and contact not in answer.names:
@@ -198,16 +200,10 @@ def weights_of(answer: Answer, given: Any) -> Values:
     found, given = Values(), {} if given is None else given
     if not isinstance(given, Mapping):
         raise InputError(f"derivatives by a result are {shown(given)}; give a dict by quantity")
-    known = *AT_CONTACT, *ELSEWHERE
     for key, value in given.items():
-        if key in answer.names and isinstance(value, Mapping):
-            for what, own in value.items():
-                _add(found, answer, what, key, own)
-        elif key in known:
-            _add(found, answer, key, None, value)
-        else:
-            words = ", ".join([*known, *answer.names])
-            raise InputError(f"derivatives by a result name {key!r}; they may name {words}")
+        named = key in answer.names and isinstance(value, Mapping)
+        for what, own in value.items() if named else [(key, value)]:
+            _add(found, answer, what, key if named else None, own)
     return found
 
 
@@ -242,25 +238,19 @@ def _by_bolts(found: Values, answer: Answer, given: Any) -> None:
             add(found, parts[what], float(value) * (np.array(names) == name))
 
 
-def _by_all(found: Values, answer: Answer, value: Any) -> None:
-    add(found, "u", _shaped(value, (answer.system.n,), "u") / answer.system.units)
-
-
 def _by_displacement(found: Values, answer: Answer, given: Any) -> None:
-    if not isinstance(given, Mapping):
-        raise InputError(
-            f"the derivative by displacement is {shown(given)}; give one for each body, "
-            "{'block': array}, or by u for all of them"
-        )
-    whole, system = np.zeros(answer.system.n), answer.system
+    if not isinstance(given, Mapping):  # of all bodies
+        add(found, "u", _shaped(given, (answer.system.n,), "u") / answer.system.units)
+        return
+    whole = np.zeros(answer.system.n)
     for body, value in given.items():
-        at = system.slice(body)
+        at = answer.system.slice(body)
         whole[at] = _shaped(value, (at.stop - at.start,), "displacement")
-    _by_all(found, answer, whole)
+    _by_displacement(found, answer, whole)
 
 
 #: Quantities that no point of a contact has.
-ELSEWHERE = {"u": _by_all, "displacement": _by_displacement, "bolts": _by_bolts}
+ELSEWHERE = {"u": _by_displacement, "displacement": _by_displacement, "bolts": _by_bolts}
 
 
 def _shaped(value: Any, shape: tuple[int, ...], what: str) -> Array:
