@@ -141,12 +141,12 @@ class Kinematics:
 
     @cached_property
     def inherits(self) -> bool:
-        """Whether any point has the pressure of another one, its heir."""
+        """Return whether any point has the pressure of another one, its heir."""
         return bool(np.any(self.heir != np.arange(len(self.heir))))
 
     @cached_property
     def per_area(self) -> Array:
-        """One over the tributary areas, zero where there is none, (m,)."""
+        """Return one over the tributary areas, zero where there is none, (m,)."""
         return np.divide(1.0, self.area, out=np.zeros(len(self.area)), where=self.area > 0)
 
     @property

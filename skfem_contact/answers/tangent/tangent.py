@@ -212,7 +212,7 @@ class Tangent:
 
     @cached_property
     def margins(self) -> tuple[Array, Array]:
-        """How far points are from opening or closing, and from sticking or slipping; see `margin`."""
+        """Return how far points are from opening or closing, and from sticking or slipping."""
         local, interface = self.local, self.answer.model.interface
         resistance, gap = self.problem.resistance, np.where(np.isfinite(local.gap), local.gap, np.inf)
         with np.errstate(invalid="ignore"):  # a point without a partner resists nothing
