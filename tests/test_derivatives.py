@@ -543,6 +543,21 @@ def test_a_step_in_which_nothing_moves_has_kinks(seed, dim, close):
     assert sides_differ(at, along_top(state, 0)) < close
 
 
+def test_points_that_do_not_feel_a_change_stay():
+    """Of two blocks that slipped, and are left alone for a step, one is pushed on."""
+    bodies = [block("one", D="top"), block("other", (2.0, 3.0), (0.0, 1.0), 4, D="top")]
+    joints = [
+        sc.Contact(body.surface("bottom"), FLOOR, friction=sc.Coulomb(0.3), name=body.name)
+        for body in bodies
+    ]
+    step = {"x": {body.name: {"top": (0.004, -0.01)} for body in bodies}}
+    *_, result = sc.ContactSolver(bodies, joints).history([step, step])
+    assert len(result.linearized.kinks) > 1
+    for side in (1, -1):
+        found = result.sensitivity(sc.answers.Parameter("displacement", of="other"), side=side)
+        assert not np.any(found.of("force", "one")) and np.all(found.of("force", "other"))
+
+
 # -- the tangent itself ---------------------------------------------------------------------------
 
 

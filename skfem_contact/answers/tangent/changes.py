@@ -253,9 +253,8 @@ def _in_scene(solver: Any, tangent: Tangent) -> Values:
         own = np.einsum("kid,ild->ikl", turned, kin.axes)
         if kin.scaled is not None:  # and stay, see above
             own = np.broadcast_to(np.eye(kin.tangents), own.shape)
-        out["slip0"] = np.einsum(
-            "ikl,il->ik", own, case.slip0 + (kin.B_t @ u).reshape(local.slip.shape)
-        )
+        slips = case.slip0 + (kin.B_t @ u).reshape(local.slip.shape)
+        out["slip0"] = np.einsum("ikl,il->ik", own, slips)
         out["f"] = f - kin.B_t.T @ np.einsum("ikl,ik->il", own, local.tangential_force).ravel()
         rule = FrictionRule(solver.interface.laws, kin.area, local.reference)
         trial = np.where(tangent.slips[:, None], tangent.slopes.trial, 0.0)
@@ -306,9 +305,7 @@ def _stiffer(by: Parameter, tangent: Tangent) -> Values:
         if hasattr(by.along, "tocsr"):
             K = by.along.tocsr()
             if K.shape != (body.n, body.n):
-                raise InputError(
-                    f"{by!r}: along has shape {K.shape}; a body of {body.n} DOFs was named"
-                )
+                raise InputError(f"{by!r}: along has shape {K.shape}; the body has {body.n} DOFs")
             borne[at] = answer.system.scaled(body, K) @ u
             continue
         borne[at] = _borne(body, answer.stiffness[i], u)

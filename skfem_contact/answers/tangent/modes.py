@@ -104,9 +104,7 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
         raise InputError(f"slipping={shown(slipping)}; slipping points may be {', '.join(SLIPPING)}")
     whole_number(n, "n", 1)
     if not answer.converged:
-        raise InputError(
-            f"this result did not converge ({answer.message}): it is no state to vibrate in"
-        )
+        raise InputError(f"this result did not converge ({answer.message}): no state to vibrate in")
     system, M = answer.system, mass(answer.system)
     K = csr_matrix(block_diag(stiffness, format="csr"))
     trial, test = _constraints(answer, slipping)

@@ -82,10 +82,8 @@ def _after(tangent: Tangent, lost: bool) -> Maps:
         maps += [("lost", "friction", -given_back), ("lost", "last friction", given_back)]
     if tangent.bolts:  # those with a force that is given slide
         k, each = tangent.bolts.k, np.ones(1)
-        maps += [
-            ("stretch", "drive", each),
-            ("stretch", "pull", np.where(tangent.tightened, -1 / k, 0.0)),
-        ]
+        slides = np.where(tangent.tightened, -1 / k, 0.0)
+        maps += [("stretch", "drive", each), ("stretch", "pull", slides)]
         maps += [("tension", "stretch", k), ("tension", "pull", each)]
     return maps
 

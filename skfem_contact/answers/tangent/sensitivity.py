@@ -112,13 +112,9 @@ class Sensitivity:
     normal_force: Array = _its("normal_force", "The derivatives of the normal forces, (m,).")
     pressure: Array = _its("pressure", "The derivatives of the pressures, (m,).")
     slip: Array = _its("slip", "The derivatives of the slips, (m, d-1).")
-    tangential_force: Array = _its(
-        "tangential_force", "The derivatives of the friction forces, (m, d-1)."
-    )
+    tangential_force: Array = _its("tangential_force", "The derivatives of friction, (m, d-1).")
     force: Array = _its("force", "The derivatives of the resultant on the secondary, (d,).")
-    dissipation: float = _its(
-        "dissipation", "The derivative of the energy lost by friction in the step."
-    )
+    dissipation: float = _its("dissipation", "The derivative of the energy lost in the step.")
 
     def dot(self, weights: Mapping[str, Any]) -> float:
         """Derivative of a function of the result, given as for `ContactSolver.gradient`."""
