@@ -840,6 +840,15 @@ def test_wrong_questions_are_refused():
         smooth.sensitivity("gap").slip  # noqa: B018
 
 
+@pytest.mark.parametrize("tau_max, counts", [(np.inf, True), (1e-4, False)])
+def test_where_friction_is_capped_its_coefficient_does_not_count(tau_max, counts):
+    """A block slides as a whole."""
+    step = {"x": {"block": {"top": (0.2, -0.01)}}}
+    [result] = pressed(friction=sc.Coulomb(0.3, tau_max=tau_max)).history([step])
+    assert np.all(result.status == 2)
+    assert np.all((result.sensitivity("friction").tangential_force != 0) == counts)
+
+
 def test_a_contact_may_have_the_name_of_a_quantity():
     """An array is the derivative by the quantity, a dict those by the quantities of the contact."""
     body = block("block", D="top")
