@@ -849,6 +849,15 @@ def test_where_friction_is_capped_its_coefficient_does_not_count(tau_max, counts
     assert np.all((result.sensitivity("friction").tangential_force != 0) == counts)
 
 
+def test_friction_of_a_bond_that_is_pulled_does_not_follow_the_force():
+    """Its cohesion is all that it has."""
+    law, step = sc.Coulomb(0.3, cohesion=1e-3), {"x": {"block": {"top": (0.2, 0.01)}}}
+    [result] = pressed(friction=law, separation=False).history([step])
+    assert np.all(result.status == 2) and np.all(result.normal_force < 0)
+    found = result.sensitivity("displacement")
+    assert np.all(found.normal_force != 0) and not np.any(found.tangential_force)
+
+
 def test_a_contact_may_have_the_name_of_a_quantity():
     """An array is the derivative by the quantity, a dict those by the quantities of the contact."""
     body = block("block", D="top")
