@@ -232,6 +232,14 @@ def test_fields_are_sums_of_numbers():
         assert_allclose(field @ along, wanted, rtol=1e-11, err_msg=kind)
 
 
+def test_later_steps_do_not_change_earlier_results():
+    """What is another number in each step has the derivatives of its own step."""
+    by = sc.answers.Parameter("gap", field=True, each_step=True)
+    weights = [{"force": (0.0, 1.0)}, None]
+    found = pressed(friction=sc.Coulomb(0.3)).gradient(lambda r: (0.0, weights), [STEP, STEP], by=by)
+    assert np.any(found.parts[0][0]) and not np.any(found.parts[0][1])
+
+
 def test_loads_and_tools_by_differences():
     """The load of a body, and the place of a tool that it is pressed on."""
     basis = rectangle(np.linspace(0, 2, 9), np.linspace(0, 1, 5))
