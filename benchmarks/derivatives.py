@@ -87,7 +87,7 @@ def gradients(rounds: int = 15) -> list[float]:
         results: list[sc.answers.ContactResult] = []
         others = list(solver.history(steps))
         times[0].append(spent(lambda: results.extend(solver.history(steps))))  # noqa: B023
-        times[1].append(spent(lambda: gradient(results, objective, (by,))))  # noqa: B023
+        times[1].append(spent(lambda: gradient(lambda: results, objective, by)))  # noqa: B023
         times[2].append(spent(lambda: fem.solve(tied, np.ones(tied.shape[0]))))
         times[3].append(spent(lambda: fem.solve(apart, f)))
         times[4].append(spent(lambda: objective(others)))  # noqa: B023

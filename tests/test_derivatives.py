@@ -232,6 +232,14 @@ def test_fields_are_sums_of_numbers():
         assert_allclose(field @ along, wanted, rtol=1e-11, err_msg=kind)
 
 
+def test_later_steps_do_not_change_earlier_results():
+    """What is another number in each step has the derivatives of its own step."""
+    by = sc.answers.Parameter("gap", field=True, each_step=True)
+    weights = [{"force": (0.0, 1.0)}, None]
+    found = pressed(friction=sc.Coulomb(0.3)).gradient(lambda r: (0.0, weights), [STEP, STEP], by=by)
+    assert np.any(found.parts[0][0]) and not np.any(found.parts[0][1])
+
+
 def test_loads_and_tools_by_differences():
     """The load of a body, and the place of a tool that it is pressed on."""
     basis = rectangle(np.linspace(0, 2, 9), np.linspace(0, 1, 5))
@@ -496,6 +504,7 @@ def test_kinks_by_the_coefficient(seed, law):
 
 
 LOADED = {
+    "smooth": (2, None),
     "plane": (2, sc.Coulomb(0.3)),
     "space": (3, sc.Coulomb(0.3)),
     "spring": (3, sc.Coulomb(0.3, stiffness=2.0)),
@@ -523,7 +532,7 @@ def test_nothing_yet_has_the_derivative_that_is_the_whole_answer(scene, push):
     for side in (1, -1):
         by = sc.answers.Parameter("displacement", "up", along=side * along)
         found = none.sensitivity(by, side=side)
-        for name in ("pressure", "tangential_force", "slip", "u", "force"):
+        for name in ("pressure", "u", "force", *(("tangential_force", "slip") if law else ())):
             wanted = side * getattr(whole, name) / 0.01
             assert_allclose(getattr(found, name), wanted, atol=1e-11 * np.abs(wanted).max())
 
@@ -540,6 +549,21 @@ def test_a_step_in_which_nothing_moves_has_kinks(seed, dim, close):
 
     assert len(at(0.0)[-1].linearized.kinks) > 0
     assert sides_differ(at, along_top(state, 0)) < close
+
+
+def test_points_that_do_not_feel_a_change_stay():
+    """Of two blocks that slipped, and are left alone for a step, one is pushed on."""
+    bodies = [block("one", D="top"), block("other", (2.0, 3.0), (0.0, 1.0), 4, D="top")]
+    joints = [
+        sc.Contact(body.surface("bottom"), FLOOR, friction=sc.Coulomb(0.3), name=body.name)
+        for body in bodies
+    ]
+    step = {"x": {body.name: {"top": (0.004, -0.01)} for body in bodies}}
+    *_, result = sc.ContactSolver(bodies, joints).history([step, step])
+    assert len(result.linearized.kinks) > 1
+    for side in (1, -1):
+        found = result.sensitivity(sc.answers.Parameter("displacement", of="other"), side=side)
+        assert not np.any(found.of("force", "one")) and np.all(found.of("force", "other"))
 
 
 # -- the tangent itself ---------------------------------------------------------------------------
@@ -804,8 +828,10 @@ def test_wrong_questions_are_refused():
         "side = 2": lambda: result.sensitivity("gap", side=2),
         "after is by": lambda: result.sensitivity("gap", after=result.sensitivity("friction")),
         r"has shape \(3,\), not \(5,\)": lambda: result.sensitivity("gap").dot({"gap": np.ones(3)}),
-        "name 'heat'": lambda: result.sensitivity("gap").dot({"heat": 1.0}),
-        "one for each body": lambda: result.sensitivity("gap").dot({"displacement": np.ones(50)}),
+        "named 'heat'": lambda: result.sensitivity("gap").dot({"heat": 1.0}),
+        "derivative by u has shape": lambda: result.sensitivity("gap").dot(
+            {"displacement": np.ones(5)}
+        ),
         r"return \(value, derivatives\)": lambda: solver.gradient(lambda r: 1.0, [STEP], by="gap"),
         "1 results": lambda: solver.gradient(lambda r: (1.0, []), [STEP], by="gap"),
         "by is empty": lambda: solver.gradient(lambda r: (1.0, [None]), [STEP], by=[]),
@@ -820,6 +846,24 @@ def test_wrong_questions_are_refused():
     smooth = pressed().solve(x={"block": {"top": (0.0, -0.01)}})
     with pytest.raises(sc.errors.InputError, match="without friction nothing tangential"):
         smooth.sensitivity("gap").slip  # noqa: B018
+
+
+@pytest.mark.parametrize("tau_max, counts", [(np.inf, True), (1e-4, False)])
+def test_where_friction_is_capped_its_coefficient_does_not_count(tau_max, counts):
+    """A block slides as a whole."""
+    step = {"x": {"block": {"top": (0.2, -0.01)}}}
+    [result] = pressed(friction=sc.Coulomb(0.3, tau_max=tau_max)).history([step])
+    assert np.all(result.status == 2)
+    assert np.all((result.sensitivity("friction").tangential_force != 0) == counts)
+
+
+def test_friction_of_a_bond_that_is_pulled_does_not_follow_the_force():
+    """Its cohesion is all that it has."""
+    law, step = sc.Coulomb(0.3, cohesion=1e-3), {"x": {"block": {"top": (0.2, 0.01)}}}
+    [result] = pressed(friction=law, separation=False).history([step])
+    assert np.all(result.status == 2) and np.all(result.normal_force < 0)
+    found = result.sensitivity("displacement")
+    assert np.all(found.normal_force != 0) and not np.any(found.tangential_force)
 
 
 def test_a_contact_may_have_the_name_of_a_quantity():

@@ -84,7 +84,10 @@ def _values(answer: Answer, i: int, part: slice) -> ContactValues:
     status = state.status[part]
     status = np.where(_smooth(answer, part) & (status != OPEN), SLIP, status)
     heir = kin.heir[part] - part.start
-    own = heir == np.arange(len(heir))
+    gap, wear, area = answer.gap[part], state.wear[part], kin.area[part]
+    if kin.inherits:
+        gap, wear, status = gap[heir], wear[heir], status[heir]
+        area = np.where(heir == np.arange(len(heir)), area, 0.0)
     lost, before = answer.dissipation_by_contact[i], answer.dissipation_before[i]
     return ContactValues(
         name=answer.names[i],
@@ -92,19 +95,19 @@ def _values(answer: Answer, i: int, part: slice) -> ContactValues:
         points=contact.secondary.points,  # those of kin have moved, where contact slides far
         normal=kin.normal[part],
         tangent=kin.tangent[part],
-        gap=answer.gap[part][heir],
+        gap=gap,
         lost=_lost(answer, i, part),
-        status=status[heir],
+        status=status,
         normal_force=state.normal_force[part],
         tangential_force=-kin.friction_along(state.tangential_force[part], part),
-        area=np.where(own, kin.area[part], 0.0),
+        area=area,
         surface=contact.secondary,
         heir=heir,
         action=answer.action[part],
         dissipation=float(lost),
         dissipation_total=float(before + lost),
         energy_residual=float(answer.residual_by_contact[i]),
-        wear_depth=state.wear[part][heir],
+        wear_depth=wear,
         worn_volume=float(state.worn[part].sum()),
         assess=partial(_estimate, answer),
         slips=partial(_slip, answer, part),
@@ -144,7 +147,8 @@ def _slip(answer: Answer, part: slice) -> Array:
         moved = (kin.B_t[rows] @ answer.u).reshape(-1, t) + answer.seen.slip0[part]
         moved = np.where((state.status[part] != OPEN)[:, None], moved, 0.0)
         slip = np.where(smooth[:, None], moved, slip)
-    return kin.slip_along(slip, part)[kin.heir[part] - part.start]
+    slip = kin.slip_along(slip, part)
+    return slip[kin.heir[part] - part.start] if kin.inherits else slip
 
 
 class ByContact(OfTheContact):
@@ -165,7 +169,7 @@ class ByContact(OfTheContact):
     @cached_property
     def values(self) -> tuple[ContactValues, ...]:
         """The answer of every contact, in the order given."""
-        parts = enumerate(self._answer.slices())
+        parts = enumerate(self._answer.model.interface.point_slices)
         return tuple(_values(self._answer, i, part) for i, part in parts)
 
     def __getitem__(self, key: Contact | str | int) -> ContactValues:

@@ -139,6 +139,16 @@ class Kinematics:
         """Points that have a partner for good, (m,)."""
         return self.bilateral & self.paired
 
+    @cached_property
+    def inherits(self) -> bool:
+        """Return whether any point has the pressure of another one, its heir."""
+        return bool(np.any(self.heir != np.arange(len(self.heir))))
+
+    @cached_property
+    def per_area(self) -> Array:
+        """Return one over the tributary areas, zero where there is none, (m,)."""
+        return np.divide(1.0, self.area, out=np.zeros(len(self.area)), where=self.area > 0)
+
     @property
     def m(self) -> int:
         """Number of contact points."""

@@ -8,14 +8,14 @@ step, for any number of values.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.answers.tangent.changes import LOADS, Parameter, contracted
+from skfem_contact.answers.tangent.changes import LOADS, Parameter, contracted, parameters
 from skfem_contact.answers.tangent.rates import backward
 from skfem_contact.answers.tangent.sensitivity import Sensitivity, sensitivity, weights_of
 from skfem_contact.answers.tangent.tangent import Tangent, Values
@@ -25,7 +25,10 @@ from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.history.load_step import recover_all
 from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.problem.zone import Zones
 from skfem_contact.records import dataclass
+
+History = Callable[[], Iterable[ContactResult]]
 
 
 @dataclass(eq=False)
@@ -115,16 +118,14 @@ class Jacobian:
 
 
 def _linearised(
-    results: list[ContactResult], asked: Callable[..., Any], by: Sequence[Parameter], what: str
-) -> tuple[list[Tangent], Any, list[Any]]:
-    """The tangents of a history, a user's value of it, and the derivatives of that by each result."""
+    history: History, asked: Callable[..., Any], by: tuple[Parameter, ...], what: str
+) -> tuple[list[ContactResult], list[Tangent], Any, list[Any]]:
+    """A history, its tangents, a user's value of it, and the derivatives of that by each result."""
+    results, zones = list(history()), dict[int, Zones]()
     if not results:
         raise InputError("steps are empty: there is nothing to differentiate")
-    answers, zones = [answer_of(result) for result in results], dict[int, Any]()
-    tangents = list[Tangent]()
-    for answer in answers:  # of the same bodies: steps that tighten bolts have others
-        tangents.append(Tangent(answer, zones.get(id(answer.model))))
-        zones[id(answer.model)] = tangents[-1].zones
+    answers = [answer_of(result) for result in results]
+    tangents = [Tangent(answer, zones) for answer in answers]
     if any(p.kind in ("stiffness", "scene") for p in by):
         recover_all(answers)
     given = asked(results)
@@ -138,30 +139,27 @@ def _linearised(
         ) from None
     if len(derivatives) != len(results):
         raise InputError(f"{what} returned {len(derivatives)} derivatives for {len(results)} results")
-    return tangents, value, derivatives
+    return results, tangents, value, derivatives
 
 
-def gradient(
-    results: list[ContactResult], objective: Callable[..., Any], by: tuple[Parameter, ...]
-) -> Gradient:
-    """See `ContactSolver.gradient`; of a history that is solved."""
-    tangents, value, given = _linearised(results, objective, by, "the objective")
-    weights, after = weights_of([tangent.answer for tangent in tangents], given), Values()
-    loads, parts = any(p.kind in LOADS for p in by), list[list[Any]]()
+def gradient(history: History, objective: Callable[..., Any], by: Any) -> Gradient:
+    """See `ContactSolver.gradient`."""
+    by = parameters(by, many=True)
+    results, tangents, value, given = _linearised(history, objective, by, "the objective")
+    loads, parts, after = any(p.kind in LOADS for p in by), list[list[Any]](), Values()
     with single_threaded:
-        for tangent, own in zip(reversed(tangents), reversed(weights), strict=True):
-            duals, after = backward(tangent, own, after, loads)
+        for tangent, own in zip(reversed(tangents), reversed(given), strict=True):
+            duals, after = backward(tangent, weights_of(tangent.answer, own), after, loads)
             parts.insert(0, [contracted(p, tangent, duals) for p in by])
     each = zip(by, zip(*parts, strict=True), strict=True)
     found = [np.array(own) if p.each_step else sum(own) for p, own in each]
     return Gradient(float(value), by, found, results)
 
 
-def jacobian(
-    results: list[ContactResult], observe: Callable[..., Any], by: tuple[Parameter, ...], side: int
-) -> Jacobian:
-    """See `ContactSolver.jacobian`; of a history that is solved."""
-    tangents, values, given = _linearised(results, observe, by, "observe")
+def jacobian(history: History, observe: Callable[..., Any], by: Any, side: int) -> Jacobian:
+    """See `ContactSolver.jacobian`."""
+    by = parameters(by, many=False)
+    results, tangents, values, given = _linearised(history, observe, by, "observe")
     values = numbers(values, "values of observe", "give a vector")
     matrix, rows = np.zeros((len(values), len(by))), [_rows(own, len(values)) for own in given]
     for j, p in enumerate(by):

@@ -815,11 +815,9 @@ class ContactSolver(Variants):
         >>> f"{found.value:.6f}, {found.parts[0]:.6f}"
         '0.000100, -0.020000'
         """
-        from skfem_contact.answers.tangent.changes import parameters
         from skfem_contact.history.gradients import gradient
 
-        known = parameters(by, many=True)
-        return gradient(list(self.history(steps, start=start)), objective, known)
+        return gradient(lambda: self.history(steps, start=start), objective, by)
 
     @known_keywords(**OF_SOLVER)
     def jacobian(
@@ -856,11 +854,9 @@ class ContactSolver(Variants):
         InputError
             There is no derivative; the message says why.
         """
-        from skfem_contact.answers.tangent.changes import parameters
         from skfem_contact.history.gradients import jacobian
 
-        known = parameters(by, many=False)
-        return jacobian(list(self.history(steps, start=start)), observe, known, side)
+        return jacobian(lambda: self.history(steps, start=start), observe, by, side)
 
     @known_keywords()
     def save_state(self, path: str | Path, result: ContactResult | SavedState) -> Path:

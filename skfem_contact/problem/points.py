@@ -40,7 +40,7 @@ class HeldRows:
     rubbing, pressing : ndarray of int, share : ndarray
         Rows whose friction follows the normal force, on which row that is, and how much of it.
     bare : ndarray of bool, shape (m, d-1), or None
-        Tangents along which there is only the law, as they have no row; None where all have one.
+        Tangents along which there is only the law, as they have no row; None without any.
     """
 
     def __init__(self, space: PointSpace, conditions: Conditions) -> None:
@@ -60,7 +60,8 @@ class HeldRows:
         self.rubbing = space.tangential_rows[follows]
         self.pressing = space.normal_rows[np.nonzero(follows)[0]]
         self.share = conditions.coupling[follows]
-        self.bare = None if has_slip.all() else self.rubs[:, None] & ~has_slip
+        bare = self.rubs[:, None] & ~has_slip
+        self.bare = bare if np.count_nonzero(bare) else None
 
 
 class Unknowns(NamedTuple):
