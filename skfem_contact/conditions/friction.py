@@ -32,10 +32,21 @@ from numpy.typing import ArrayLike
 
 from skfem_contact.arguments import PrintedAsCall, number, numbers, shown, take, with_known_keywords
 from skfem_contact.arrays import Array, Mask, lengths
-from skfem_contact.conditions.thresholds import AGREE, DIFFERENCE
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import kept, sealed
+
+# Step of difference quotients, as a share of the largest argument: the root of round-off and a digit
+# more, as a law may have several length scales. Quotients only speed up the loops.
+DIFFERENCE = 1e-7
+
+# A trial force beyond any bound, for points that slip in a known direction. A power of two, so that the
+# force on the bound has no round-off; and its fourth power is still a number.
+BEYOND = 2.0**250
+
+# A law's own return map and its limit agree to this part of the largest limit: a digit more than loops
+# converge to.
+AGREE = 1e-11
 
 #: Why a bound is not negative, and what to do where nothing is to slip.
 NO_SIGN = (

@@ -18,6 +18,8 @@ from skfem_contact.arrays import Array, Index, Mask, lengths, unit_vectors
 from skfem_contact.bodies.selection import written
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import (
+    BEYOND,
+    DIFFERENCE,
     Coulomb,
     Derivatives,
     FrictionLaw,
@@ -29,10 +31,12 @@ from skfem_contact.conditions.friction import (
     unlawful,
 )
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.conditions.thresholds import BEYOND, DIFFERENCE, STEEP
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
+
+# Coefficients from here on are larger than those of any pair of materials, sticky rubber (3) included.
+STEEP = 5.0
 
 
 @dataclass(frozen=True, eq=False)

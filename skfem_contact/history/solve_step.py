@@ -32,12 +32,10 @@ from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError, LinearSolveError, SingularMatrix, warn
-from skfem_contact.history.equilibrium import EquilibriumSearch, Verdict
-from skfem_contact.history.grip import Grip
+from skfem_contact.history.equilibrium import EquilibriumSearch, Grip, Verdict
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.read import StepReader
 from skfem_contact.history.stepper import Stepper
-from skfem_contact.history.thresholds import HARDLY_MOVES, PRESSED
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.driver import NOTHING_HOLDS, converged_words
 from skfem_contact.loops.starts import natural_state
@@ -53,6 +51,13 @@ if TYPE_CHECKING:
     from skfem_contact.history.equilibrium import Known
     from skfem_contact.history.neutral_equilibrium import Rest
     from skfem_contact.history.nonlinear import NonlinearSearch
+
+# Sway and turn of a tool over the way that it moves, below which what changes them is compared with
+# this part of the way: a press down by 1 with a shift of 0.001 is one without.
+HARDLY_MOVES = 0.01
+
+# Contact force on a tool over the sum of its parts, from which on it has a direction.
+PRESSED = 0.1
 
 
 @dataclass(frozen=True, eq=False)

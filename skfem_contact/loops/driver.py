@@ -13,8 +13,10 @@ from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.loops.active_set import direct, fictitious, newton
 from skfem_contact.loops.step import Guess, Iterate, Record, Step
-from skfem_contact.loops.thresholds import NEWTON_ITERATIONS
 from skfem_contact.records import dataclass
+
+# Iterations that Newton may take where another loop begins from its answer.
+NEWTON_ITERATIONS = 80
 
 logger = logging.getLogger("skfem_contact")
 

@@ -21,17 +21,25 @@ from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.loops.step import Guess, Step
-from skfem_contact.loops.thresholds import (
-    EQUAL_RATIO,
-    MOST_POINTS,
-    NO_EIGENVALUE,
-    PIVOT,
-    SWEEPS,
-    TIED_RATIO,
-    WEAK_SPRINGS,
-)
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.records import dataclass
+
+# Springs that hold a free rigid motion, over the largest stiffness: weak enough to disturb nothing, or,
+# where pivots drown in the round-off of that, less weak. The loop takes them away again.
+WEAK_SPRINGS = (1e-9, 1e-6)
+
+# Relinearisations of a law that is not linear in the normal force (a cap, a user's own).
+SWEEPS = 5
+
+# Entries of a column, over its largest, that are pivots; round-off of up to 4 m steps is below.
+PIVOT = 1e-11
+
+# Ratios that are equal, over the right-hand side: for the artificial variable, which may leave as soon
+# as it is one of the smallest, and for all others.
+EQUAL_RATIO, TIED_RATIO = 1e-11, 1e-13
+
+# Eigenvalues of the scaled matrix, over the largest, that are round-off.
+NO_EIGENVALUE = 1e-14
 
 
 def lemke(M: Array, q: Array) -> Array | None:
@@ -144,8 +152,6 @@ def lemke_guess(step: Step, current: Guess) -> Guess | None:
 
 def _sweeps(step: Step, problem: _Problem, current: Guess) -> Guess | None:
     """Starting values, the law linearised about the last of them; None where it ends on a ray."""
-    if len(problem.points) > MOST_POINTS:
-        return None
     force = np.maximum(current.normal_force, 0.0)
     guess: Guess | None = None
     for _ in range(SWEEPS):

@@ -31,12 +31,20 @@ from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.elimination.thresholds import AGREEMENT
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.krylov import gmres
-from skfem_contact.loops.complementarity import Projection, largest_force
-from skfem_contact.loops.step import Guess, Iterate, Step
-from skfem_contact.loops.thresholds import MOST_MOVES, ROUNDED, SLOW
+from skfem_contact.loops.step import Guess, Iterate, Projection, Step, largest_force
 from skfem_contact.problem.response import Response
 from skfem_contact.problem.springs import least_friction
 from skfem_contact.records import dataclass
+
+# Solves at most until springs have come to rest: moves, and GMRES where rows nearly depend on others.
+MOST_MOVES = 40
+
+# Share of the last change of forces beyond which the next one shows that rows contradict each other.
+SLOW = 0.5
+
+# Round-off of a gap over the coordinates that it is a difference of: some units in the last place of
+# each, as a pairing interpolates and a body that has moved adds its displacements.
+ROUNDED = 2e-14
 
 Iteration = Callable[[Step, Guess, float], Iterator[Iterate]]
 
