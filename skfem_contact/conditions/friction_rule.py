@@ -75,17 +75,6 @@ class CheckedLaw(ByFields):
         """
         return type(self.law) in (Coulomb, OrthotropicCoulomb, Tresca)
 
-    @property
-    def grips(self) -> bool:
-        """The bound is known to be at least a share of the normal force at all points.
-
-        Not one of a size that no force can tell from nothing, and whatever cohesion adds.
-        """
-        law = self.law
-        if type(law) is not Coulomb or np.any(law.tau_max != np.inf):
-            return False
-        return bool(np.min(law.mu) > COMPUTED and np.min(law.cohesion) >= 0.0)
-
     def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
         """Bounds, shape (m,); see `FrictionLaw.limit`. Zero at points without area.
 
@@ -280,11 +269,6 @@ class FrictionRule:
         rule = object.__new__(FrictionRule)
         vars(rule).update(vars(self), reference=reference, _asked=None)
         return rule
-
-    @cached_property
-    def smooth(self) -> bool:
-        """There may be points where nothing can stick: see `CheckedLaw.grips`."""
-        return not all(law.grips for _, law in self.laws)
 
     def bound(self, normal_force: Array, slip: Array) -> Array:
         """Bound of the friction force of every point, (m,) [force]; an iteration asks twice of one."""

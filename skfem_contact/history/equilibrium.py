@@ -6,7 +6,7 @@ arrived, has no equilibrium, or its loop did not converge.
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -291,8 +291,6 @@ class EquilibriumSearch:
         good = self.advance.attempt.good
         if may_float and good:
             self.grip = Grip.of(model, self.advance.attempt)
-            if self.grip.idles:
-                self._press()
             if model.loose.shape[1] or self.grip.idles:
                 self.rest = self._try_settle()
         rest = self.settled
@@ -351,27 +349,6 @@ class EquilibriumSearch:
             return False
         self.rest = self._try_settle(last)
         return self.settled is not None
-
-    def _press(self) -> None:
-        """Take an answer that holds all bodies where they were pressed before, if there is one.
-
-        A block between inclined sides may stand loose as well as squeezed by friction. From squeezed it
-        comes to loose by no small step, but iterations may jump there: pivoting has no such jumps.
-        """
-        by = self.stepper.held
-        if "pivoting" not in by.starts or not np.any(self.step.state.normal_force > 0):
-            return
-        once = replace(by, options=replace(by.options, max_cuts=0))
-        try:
-            found = advance(once, self.step, begin=["pivoting"])
-        except SingularMatrix:  # where it leads leaves a motion free as well
-            return
-        if not found.attempt.good:
-            return
-        grip = Grip.of(self.stepper.model, found.attempt)
-        if not grip.idles:
-            found.trace[:0] = self.advance.trace
-            self.advance, self.grip = found, grip
 
     def _free(self, error: SingularMatrix) -> Verdict:
         """Take the answer where a set of points left a motion free; none is no equilibrium.

@@ -61,7 +61,7 @@ EDGE = 5
 # points it is less.
 ANSWERED = 0.3
 
-# What a step is shortened by at least: where pressures are zero nothing says by how much it is too long.
+# What a step is shortened by at least: pressures that have become zero do not say by how much.
 FAR_TOO_LONG = 4.0
 
 WEAR_ROUNDS = 20
@@ -122,19 +122,17 @@ def advance(
     by: Stepper,
     step: LoadStep,
     doubt: Callable[[Attempt, bool], bool] | None = None,
-    begin: list[str] | None = None,
 ) -> Advance:
     """Solve a load step, in parts where it fails; the last attempt says whether it arrived.
 
     `doubt(attempt, False)` is asked where the whole step has failed, whether to leave it at that, and
-    `doubt(attempt, True)` where smaller steps have failed as well. `begin` are the starts of the first
-    attempt, by default all that there are.
+    `doubt(attempt, True)` where smaller steps have failed as well.
     """
     interface = by.model.interface
     so_far = Advance(np.zeros((2, len(interface.names))))
     parts = Bisection(by.options.max_cuts, SHORTER**by.options.max_cuts)
     part = step  # that is attempted: from where the parts before it have come to
-    starts = begin or by.starts_from(step.known)
+    starts = by.starts_from(step.known)
     freed: Attempt | None = None  # of pivoting, which has left a motion free
     while True:
         aim = parts.aim

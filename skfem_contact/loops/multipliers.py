@@ -30,13 +30,12 @@ from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.elimination.thresholds import AGREEMENT
 from skfem_contact.errors import SingularMatrix
-from skfem_contact.linalg.krylov import gmres
 from skfem_contact.loops.step import Guess, Iterate, Projection, Step, largest_force
 from skfem_contact.problem.response import Response
 from skfem_contact.problem.springs import least_friction
 from skfem_contact.records import dataclass
 
-# Solves at most until springs have come to rest: moves, and GMRES where rows nearly depend on others.
+# Solves at most until springs have come to rest.
 MOST_MOVES = 40
 
 # Share of the last change of forces beyond which the next one shows that rows contradict each other.
@@ -110,11 +109,7 @@ def through_springs(
         nearer = size_of(change) < least  # strains that fall are progress
         least = min(least, size_of(change))
         yield replace(iterate, converged=False, note="springs have a strain", nearer=nearer)
-        if rest is None and not iterate.conditions.gives:  # which turn with the forces
-            trial = _trial(loop, step, iterate, tolerance)
-            if trial is not None:
-                yield with_least_friction(step, trial)
-        elif slow and size_of(change - before) <= GIVEN * size_of(change):
+        if slow and size_of(change - before) <= GIVEN * size_of(change):
             _check(step, change)
             share = _until_one_changes(step, iterate, p, change)
             if share >= 1.0 / GIVEN:
@@ -162,19 +157,6 @@ def _until_one_changes(step: Step, iterate: Iterate, p: Array, growth: Array) ->
     return max(most, 0.0)
 
 
-def _trial(loop: Iteration, step: Step, iterate: Iterate, tolerance: float) -> Iterate | None:
-    """The answer that springs come to under the conditions of an iterate, if they still hold then."""
-    found = rested(step, iterate)
-    if found.strained:
-        _check(step, found.growth)
-        return None
-    there = replace(iterate, response=found.response)
-    at, guess = _moved_to(step, _forces(found.response), there)
-    again = next(loop(at, guess, tolerance))
-    change = _forces(again.response) - _forces(found.response)
-    return again if again.converged and _lost(step, again, change, True) else None
-
-
 def _moved_to(step: Step, p: Array, iterate: Iterate) -> tuple[Step, Guess]:
     """The step with springs at rest under forces (m, d), and where a loop begins there."""
     n, t = p[:, 0], p[:, 1:]
@@ -218,49 +200,18 @@ def rested(step: Step, iterate: Iterate) -> Rested:
         return found, _forces(found)
 
     last, p = moved(np.zeros((len(give), 1 + iterate.direction.shape[1])))
-    round_off, before, count, grows, iterated = (
-        _round_off(step, last),
-        np.zeros_like(p),
-        1,
-        False,
-        False,
-    )
-    bend = np.inf  # from one change to the next
-    while count < MOST_MOVES:
+    round_off, before, count, grows = _round_off(step, last), np.zeros_like(p), 1, False
+    while count < MOST_MOVES and not grows:
         last, new = moved(p)
         change, p, count = new - p, new, count + 1
         strain, size = size_of(give * change), size_of(change)
         if strain <= round_off or size <= SOLVED * size_of(p):
             break
-        straighter, bend = bend, size_of(change - before)
-        grows = bend <= GIVEN * size
-        if grows:
-            break
-        if size > SLOW * size_of(before) and bend > SLOW * straighter:
-            if iterated:
-                break
-            p, iterated = _by_gmres(moved, p, np.sqrt(give), round_off), True
-        before = change
+        grows, before = size_of(change - before) <= GIVEN * size, change
     if grows:
         p = p - count * change
     response = replace(last, normal_force=p[:, 0], tangential_force=p[:, 1:])
     return Rested(response, change, grows and strain > AGREEMENT * _extent(step))
-
-
-def _by_gmres(
-    moved: Callable[[Array], tuple[Response, Array]], p: Array, root: Array, round_off: float
-) -> Array:
-    """Forces (m, d) that change no more, where rows that nearly depend on each other are slow."""
-    begin = moved(np.zeros_like(p))[1]
-
-    def left(x: Array) -> Array:
-        at = x.reshape(p.shape) / root
-        return np.asarray(x - (root * (moved(at)[1] - begin)).ravel())
-
-    goal = max(round_off / size_of(root), SOLVED * float(np.linalg.norm(root * p)))
-    x = (root * p).ravel()
-    found = gmres(left, (root * begin).ravel(), lambda r: r, x, goal, MOST_MOVES)
-    return np.asarray(found.x.reshape(p.shape) / root)
 
 
 def _round_off(step: Step, response: Response) -> float:

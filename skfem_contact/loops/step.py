@@ -373,15 +373,14 @@ class Projection:
         # it would press by friction again, and be let go again
         if self.force_scale <= step.noise:
             slips &= ~was_stick
-        smooth = smooth_points(step, self.force_scale, response.slip)
-        keep, direction = was_slip & (smooth | (size <= self.nothing)), unit
+        keep, direction = was_slip & (size <= self.nothing), unit
         if np.count_nonzero(keep):
             direction = np.where(keep[:, None], current.direction, unit)
         if trial.shape[1] == 1:
-            return slips | smooth, direction, None
+            return slips, direction, None
         # across its direction a slipping point has bound / (reach - bound) of its stiffness: up to 1e6
         reach = np.where(bound > 0, np.maximum(size, bound / (1 - GIVEN)), BEYOND)
-        return slips | smooth, direction, reach
+        return slips, direction, reach
 
     # -- how far it is off ------------------------------------------------------
 
@@ -521,17 +520,6 @@ def same_slip(step: Step, response: Response) -> float:
 def trial_round_off(step: Step, response: Response) -> Array:
     """Return what a finite stiffness makes of the round-off of slips, (m,)."""
     return np.where(step.exact, 0.0, step.stiffness) * (SOLVED_SLIP * same_slip(step, response))
-
-
-def smooth_points(step: Step, force_scale: float, slip: Array) -> Mask | bool:
-    """Points where nothing can stick, not even the round-off of a force, (m,); False where none.
-
-    Their coefficient is zero, or one that no force can tell from it.
-    """
-    if not step.friction.smooth:
-        return False
-    probe = np.full(len(slip), force_scale if force_scale > 0 else 1.0)
-    return (step.friction.bound(probe, slip) <= EPS * probe) & step.frictional
 
 
 def friction_of_prescribed_slip(
