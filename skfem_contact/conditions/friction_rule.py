@@ -19,7 +19,6 @@ from skfem_contact.bodies.selection import written
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import (
     BEYOND,
-    DIFFERENCE,
     Coulomb,
     Derivatives,
     FrictionLaw,
@@ -31,7 +30,7 @@ from skfem_contact.conditions.friction import (
     unlawful,
 )
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.digits import COMPUTED
+from skfem_contact.digits import COMPUTED, SINGLE
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 
@@ -104,7 +103,7 @@ class CheckedLaw(ByFields):
             return self.law.slope(normal_force, area, slip)
         slopes, known = self._ask(self.law.slope, "slope", normal_force, area, slip)
         largest = float(np.max(normal_force[known], initial=0.0))
-        bare = known & (normal_force <= DIFFERENCE * largest)
+        bare = known & (normal_force <= SINGLE * largest)
         if largest > 0 and bare.any():
             rise = self.limit(np.where(bare, largest, normal_force), area, slip)
             rise -= self.limit(normal_force, area, slip)

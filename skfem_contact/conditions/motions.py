@@ -33,20 +33,13 @@ from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.state import LocalState
-from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
+from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF, SINGLE, SOLVED
 from skfem_contact.errors import NoEquilibrium
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.records import dataclass
 
 # A mode with less than this share of a motion is not named in messages.
 NOT_NAMED = 1e-3
-
-# Singular values of K on rigid modes, times the root of the number of DOFs, that are round-off.
-NO_WORK = 1e-14
-
-# A row that holds a mode of unit size resists it by a number of order one; one that does not, by
-# round-off. Everything below this counts as free: the matrix would lose more digits than it has.
-RESISTS = 1e-9
 
 # Free motions up to which the products of their rows are kept point by point: those of two bodies in
 # space, which take less than the rows' own matrix.
@@ -121,7 +114,7 @@ class RigidMotions(ByFields):
         self,
         closed: Mask,
         stick: Mask,
-        firmly: float = RESISTS,
+        firmly: float = SOLVED,
         more: Array | None = None,
     ) -> Array:
         """Combinations of modes that closed and sticking points do not hold, shape (k, j).
@@ -146,7 +139,7 @@ class RigidMotions(ByFields):
         products = np.einsum("mtk,mtl->mkl", self.tangential, self.tangential)
         return products.reshape(len(products), -1)
 
-    def held(self, closed: Array | Mask, stick: Mask, least: float = RESISTS) -> bool:
+    def held(self, closed: Array | Mask, stick: Mask, least: float = SOLVED) -> bool:
         """Closed and sticking points hold all motions by far, as in nearly every step.
 
         Where they do `free` finds none, and takes longer. `closed` may be weights: the squares of what
@@ -257,7 +250,7 @@ def _resistance(K: csr_matrix, R: Array) -> Array:
     The resistance of a rigid mode of a free body is round-off, some 1e-16 per row; how strong a
     genuine spring is does not matter here, only that there is one.
     """
-    forces, least = K @ R, NO_WORK * np.sqrt(K.shape[0])
+    forces, least = K @ R, ROUND_OFF * np.sqrt(K.shape[0])
     # no singular value is above the norm, and the scale is not below what the diagonal alone gives
     if np.linalg.norm(forces) <= least * np.max(np.abs(K.diagonal()[:, None] * R), initial=0.0):
         return np.zeros((0, R.shape[1]))
@@ -329,7 +322,7 @@ def _out_of_balance(sums: Mapping[str, float], f: Array, alone: bool) -> str:
     return f"The loads on {'it' if alone else 'them'} add up to {words}. "
 
 
-def null_space(rows: Array, least: float = RESISTS) -> Array:
+def null_space(rows: Array, least: float = SOLVED) -> Array:
     """Directions that all rows leave at zero, shape (k, j), orthonormal."""
     k = rows.shape[1]
     if rows.size == 0:
@@ -394,19 +387,12 @@ def joined(names: Sequence[str]) -> str:
     return " with ".join(words)
 
 
-# Where the linear program ends, of loads and arms of size one: the strictest that HiGHS takes.
-FEASIBLE = 1e-10
-
 # Directions of friction in 3-D; the polygon lies around the circle of Coulomb's law.
 DIRECTIONS = 32
 
 # What may be left of the forces along a free motion: they balance to the digits of the contact problem,
 # 1e-8 with moduli 1e6 apart, and where a body ran away nothing of them does.
 LEFT_ALONG = 1e-4
-
-# Where supports move, stiff bodies move with them, and the round-off of their forces may be more: it is
-# excused up to this share of the forces across a motion.
-CARRIED = 1e-7
 
 
 def load_on(motions: RigidMotions, f: Array) -> tuple[Array, float]:
@@ -450,7 +436,7 @@ def escape(motions: RigidMotions, interface: Interface, paired: Mask, f: Array) 
         A_eq=np.hstack([G, one, -one]),
         b_eq=-Q / size,
         method="highs",
-        options={"primal_feasibility_tolerance": FEASIBLE, "dual_feasibility_tolerance": FEASIBLE},
+        options={"primal_feasibility_tolerance": SOLVED, "dual_feasibility_tolerance": SOLVED},
     )
     if found.status != 0 or found.fun <= SOLVED:
         return None
@@ -531,5 +517,5 @@ def balanced(
     across = sum(float(np.abs(values).sum()) for _, values in parts)
     size = sum(np.abs(rows).T @ np.abs(values) for rows, values in parts)
     least = np.maximum(LEFT_ALONG * size, max(SOLVED * across, noise * len(f)))
-    least = np.maximum(least, min(carried, CARRIED * across))
+    least = np.maximum(least, min(carried, SINGLE * across))
     return bool(np.all(left <= least))

@@ -21,7 +21,6 @@ from skfem_contact.conditions.friction_rule import jumps_open, resisting_slips
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.motions import (
     BARELY,
-    RESISTS,
     RigidMotions,
     drives,
     escape,
@@ -49,7 +48,7 @@ CAN_CARRY = "with the forces that contact can carry"
 
 # Friction holds a motion at an angle to its direction by the square of the angle. Where that is below
 # 1e-10, at 1e-5 rad, half of the digits of the place are lost: it counts as free, as what moves by
-# `RESISTS` of a unit does.
+# `SOLVED` of a unit does.
 ACROSS = 1e-4
 
 # The smallest number that is divided by.
@@ -96,7 +95,7 @@ class Grip:
         slips = carrying & (state.status == SLIP)
         if np.count_nonzero(slips):
             stick |= resisting_slips(model.interface.laws, state, slips)
-        firmly = TURNED if model.geometry.follows else RESISTS
+        firmly = TURNED if model.geometry.follows else SOLVED
         return cls(motions, attempt, carrying, stick, max(most, floor, TINY), firmly)
 
     @cached_property

@@ -24,9 +24,9 @@ from dataclasses import replace
 import numpy as np
 
 from skfem_contact.arrays import Array, Mask
-from skfem_contact.conditions.motions import NEAR, NOWHERE, RESISTS, RigidMotions, drives
+from skfem_contact.conditions.motions import NEAR, NOWHERE, RigidMotions, drives
 from skfem_contact.conditions.state import OPEN, State
-from skfem_contact.digits import COMPUTED, SOLVED
+from skfem_contact.digits import COMPUTED, SINGLE, SOLVED
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, force_terms
 from skfem_contact.history.stepper import TURNED, Stepper, pins
 from skfem_contact.history.stepping import advance
@@ -43,11 +43,6 @@ FIRM = (1e-3, 1e-4)
 
 # Share of a point's force that is left with the weaker springs: 0.1 of what they make, 1 of the rest.
 FALLS = 0.5
-
-# Reaction of the held DOFs over the largest point force, and what is left of the way to go over the
-# largest displacement, that count as none: the digits of the contact problem with moduli 1e6 apart,
-# and two more, as the way is no difference of forces.
-NO_REACTION = 1e-8
 
 # Each round of moving the held DOFs gains the strain's digits: exact motions take two.
 ROUNDS = 8
@@ -183,12 +178,12 @@ class NeutralEquilibrium:
             return None
         carrying, known, motions = soft
         interface, follows = self.model.interface, self.model.geometry.follows
-        near = (TURNED, TURNED) if follows else (RESISTS, SOLVED)
-        free = motions.free(carrying, carrying & interface.slipping, near[0])
+        near = TURNED if follows else SOLVED
+        free = motions.free(carrying, carrying & interface.slipping, near)
         if free.shape[1] == 0:  # what the springs found is held by what carries: no more is needed
             way = self._advance(self.model, self.step, known)
             return Rest(way, free, Recovery.of(way.attempt)) if way.attempt.good else None
-        if drives(motions, self.step.target.f, free, near[1]):
+        if drives(motions, self.step.target.f, free, near):
             return None
         if follows and not carrying.any():
             # what friction may hold on its way is not let go elsewhere
@@ -226,7 +221,7 @@ class NeutralEquilibrium:
             largest = np.max(np.abs(attempt.local.normal_force), initial=0.0)
             if reaction > max(TURNED * largest, floor):  # no strain's doing
                 return None
-            pull = float(reaction / largest) if reaction > max(NO_REACTION * largest, floor) else 0.0
+            pull = float(reaction / largest) if reaction > max(SINGLE * largest, floor) else 0.0
             way.attempt = self._without_pull(attempt)
             rest, away = Rest(way, free, recover, pull), float(np.max(np.abs(left)))
             if away <= SOLVED * np.max(np.abs(u)):

@@ -27,23 +27,20 @@ from skfem_contact.arrays import Array, Mask, largest, lengths, size_of
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.rows import stacked_rows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
-from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
+from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF, SOLVED
 from skfem_contact.elimination.thresholds import AGREEMENT
 from skfem_contact.errors import SingularMatrix
+from skfem_contact.linalg.krylov import gmres
 from skfem_contact.loops.step import Guess, Iterate, Projection, Step, largest_force
 from skfem_contact.problem.response import Response
 from skfem_contact.problem.springs import least_friction
 from skfem_contact.records import dataclass
 
-# Solves at most until springs have come to rest.
+# Solves at most until springs have come to rest: moves, and GMRES where rows nearly depend on others.
 MOST_MOVES = 40
 
 # Share of the last change of forces beyond which the next one shows that rows contradict each other.
 SLOW = 0.5
-
-# Round-off of a gap over the coordinates that it is a difference of: some units in the last place of
-# each, as a pairing interpolates and a body that has moved adds its displacements.
-ROUNDED = 2e-14
 
 Iteration = Callable[[Step, Guess, float], Iterator[Iterate]]
 
@@ -200,25 +197,56 @@ def rested(step: Step, iterate: Iterate) -> Rested:
         return found, _forces(found)
 
     last, p = moved(np.zeros((len(give), 1 + iterate.direction.shape[1])))
-    round_off, before, count, grows = _round_off(step, last), np.zeros_like(p), 1, False
-    while count < MOST_MOVES and not grows:
+    round_off, before, count, grows, iterated = (
+        _round_off(step, last),
+        np.zeros_like(p),
+        1,
+        False,
+        False,
+    )
+    bend = np.inf  # from one change to the next
+    while count < MOST_MOVES:
         last, new = moved(p)
         change, p, count = new - p, new, count + 1
         strain, size = size_of(give * change), size_of(change)
         if strain <= round_off or size <= SOLVED * size_of(p):
             break
-        grows, before = size_of(change - before) <= GIVEN * size, change
+        straighter, bend = bend, size_of(change - before)
+        grows = bend <= GIVEN * size
+        if grows:
+            break
+        if size > SLOW * size_of(before) and bend > SLOW * straighter:
+            if iterated:
+                break
+            p, iterated = _by_gmres(moved, p, np.sqrt(give), round_off), True
+        before = change
     if grows:
         p = p - count * change
     response = replace(last, normal_force=p[:, 0], tangential_force=p[:, 1:])
     return Rested(response, change, grows and strain > AGREEMENT * _extent(step))
 
 
+def _by_gmres(
+    moved: Callable[[Array], tuple[Response, Array]], p: Array, root: Array, round_off: float
+) -> Array:
+    """Forces (m, d) that change no more, where rows that nearly depend on each other are slow."""
+    begin = moved(np.zeros_like(p))[1]
+
+    def left(x: Array) -> Array:
+        at = x.reshape(p.shape) / root
+        return np.asarray(x - (root * (moved(at)[1] - begin)).ravel())
+
+    goal = max(round_off / size_of(root), SOLVED * float(np.linalg.norm(root * p)))
+    x = (root * p).ravel()
+    found = gmres(left, (root * begin).ravel(), lambda r: r, x, goal, MOST_MOVES)
+    return np.asarray(found.x.reshape(p.shape) / root)
+
+
 def _round_off(step: Step, response: Response) -> float:
     """Strain that is round-off of gaps and slips [length]."""
     finite = np.isfinite(step.load.gap0)
     gaps = step.load.gap0[finite], response.gap[finite]
-    return ROUNDED * max(size_of(a) for a in (*gaps, step.load.slip0, response.slip))
+    return ROUND_OFF * max(size_of(a) for a in (*gaps, step.load.slip0, response.slip))
 
 
 def _check(step: Step, growth: Array) -> None:

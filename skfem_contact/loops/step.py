@@ -232,10 +232,6 @@ class Record:
 # friction of a ring that is turned by far more than it strains is off.
 SOLVED_SLIP = 0.1
 
-# Round-off of a force or a gap relative to the largest one: a violation below it is no violation.
-# Condensation loses some digits to the condition number of the bodies (1e-16 times 1e3 or so).
-ROUND_OFF = 1e-11
-
 # Armijo's rule: the decrease that is asked for over that of the linear model, and how often a step is
 # halved for it; as often as the way to the largest share of a load (`pulled`): three digits.
 DECREASE, HALVINGS = 1e-4, 10
@@ -278,7 +274,7 @@ class Projection:
     @property
     def nothing(self) -> float:
         """Forces up to this are round-off [force]."""
-        return max(ROUND_OFF * self.force_scale, self.step.noise)
+        return max(COMPUTED * self.force_scale, self.step.noise)
 
     @cached_property
     def closed(self) -> tuple[Mask, Array]:
@@ -324,7 +320,7 @@ class Projection:
         """
         step, response, force = self.step, self.response, self.pressing
         was_open = current.status == OPEN
-        penetrates = was_open & (force > self.rho.normal * (ROUND_OFF * self.gap_scale)) & step.paired
+        penetrates = was_open & (force > self.rho.normal * (COMPUTED * self.gap_scale)) & step.paired
         pulls = ~was_open & (force < -self.nothing)
         if step.closed_for_good is not None:
             pulls &= ~step.bilateral
@@ -360,7 +356,7 @@ class Projection:
             trial = trial + missing[:, None] * current.direction
         size = lengths(trial)
         # what is open has no status to keep; what slips back by more than the round-off of slips sticks
-        back = ROUND_OFF * self.slip_scale * self.rho.tangential + 4 * EPS * bound
+        back = COMPUTED * self.slip_scale * self.rho.tangential + 4 * EPS * bound
         back = np.where(step.exact, np.minimum(self.nothing, back), self.nothing)
         slack = self.nothing * was_stick - back * was_slip
         if not step.all_exact:
@@ -421,7 +417,7 @@ class Projection:
         normal, tangential = (np.abs(self.left_over[0]), lengths(self.left_over[1]))
         slip_scale = self.slip_scale
         allowed = max(step.noise, tolerance * scale)
-        known = ROUND_OFF * np.maximum(rho.normal * self.gap_scale, rho.tangential * slip_scale)
+        known = COMPUTED * np.maximum(rho.normal * self.gap_scale, rho.tangential * slip_scale)
         wrong = normal > np.maximum(known, allowed)
         if not step.all_exact:
             known = np.maximum(known, trial_round_off(step, response))
