@@ -230,7 +230,7 @@ class FrictionRule:
     """Friction at all points: the laws of all contacts, asked as one; zero where there is none.
 
     It alone answers what friction makes of a trial force (`project`), how that changes (`mapped`),
-    which points slip, and by how much a force is off the law (`excess`, `sliding`).
+    which points slip, and by how much a force is off the law (`excess`).
 
     Parameters
     ----------
@@ -305,12 +305,6 @@ class FrictionRule:
                 whole[part] = values
         return force, slips, by
 
-    def sliding(self, direction: Array, normal_force: Array, slip: Array) -> Array:
-        """Friction forces (m, d-1) of points that slip along unit directions (m, d-1)."""
-        if direction.shape[1] == 1 and self.by_bound:
-            return direction * self.bound(normal_force, slip)[:, None]
-        return self.project(BEYOND * direction, normal_force, slip)[0]
-
     def slipping(
         self, direction: Array, size: Array | float, normal_force: Array, slip: Array
     ) -> Mapped:
@@ -320,7 +314,7 @@ class FrictionRule:
         # along the only tangent the force is the bound, whatever the trial force is
         still = np.zeros((len(direction), 1, 1))
         by = Derivatives(still, self.slope(normal_force, slip)[:, None] * direction, still)
-        return self.sliding(direction, normal_force, slip), direction[:, 0] != 0, by
+        return direction * self.bound(normal_force, slip)[:, None], direction[:, 0] != 0, by
 
     def hardens(self, direction: Array, normal_force: Array, slip: Array) -> Mask:
         """Points whose bound grows with slip along `direction`: a spring along it, (m,)."""

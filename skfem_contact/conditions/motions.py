@@ -147,21 +147,6 @@ class RigidMotions(ByFields):
         """
         if self.k > FEW_MODES:
             return False
-        if closed.dtype != bool:
-            return self._held_by(closed, stick, least)
-        # in most load steps the points that hold are those of the step before
-        asked = closed.tobytes(), stick.tobytes()
-        known = self._known.get(least)
-        if known is None or known[0] != asked:
-            known = self._known[least] = asked, self._held_by(closed, stick, least)
-        return known[1]
-
-    @cached_property
-    def _known(self) -> dict[float, tuple[tuple[bytes, bytes], bool]]:
-        """For each bound the points of which was asked last, and the answer."""
-        return {}
-
-    def _held_by(self, closed: Array | Mask, stick: Mask, least: float) -> bool:
         products = closed.astype(float).dot(self._normal_products)
         if np.count_nonzero(stick):
             products += stick.astype(float).dot(self._tangential_products)

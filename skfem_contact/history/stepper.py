@@ -97,12 +97,9 @@ class Stepper(ByFields):
     def jumps(self) -> bool:
         """Return whether friction jumps where points open, and can be made to rise steeply instead."""
         interface, kin = self.model.interface, self.model.kin
-        by_bound = all(law.by_bound for _, law in interface.laws)
-        return (
-            by_bound
-            and kin.tangents > 1
-            and jumps_open(interface.laws, kin.area, kin.tangents, ~interface.bilateral)
-        )
+        if kin.tangents < 2 or not all(law.by_bound for _, law in interface.laws):
+            return False
+        return jumps_open(interface.laws, kin.area, kin.tangents, ~interface.bilateral)
 
     @property
     def complete(self) -> bool:

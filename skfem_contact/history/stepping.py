@@ -160,9 +160,11 @@ def advance(
             parts.go_on(attempt.travel)
         elif freed is not None:
             return so_far
-        elif "pivoting" in starts and left_free(by, attempt):
+        elif "pivoting" in starts and attempt.outcome.free is not None and by.complete:
+            # smaller steps would end there too; the machine says how much of this one is carried
             freed = attempt if starts[0] == "pivoting" else None
-            starts = _where_free(starts)
+            rest = ("pulled",) if freed else ("pivoting", "pulled")
+            starts = [start for start in starts if start in rest]
             if not starts:
                 return so_far
         elif len(starts) > 1 and not (limit or attempt.failure or attempt.stopped):
@@ -196,20 +198,6 @@ def _first_held(by: Stepper, part: LoadStep, starts: list[str]) -> Attempt | Non
             if len(starts) == 1:
                 raise
             starts.pop(0)
-
-
-def _where_free(starts: list[str]) -> list[str]:
-    """Return where to begin after an attempt that left a motion free.
-
-    Smaller steps would end there too; the machine says how much of this one is carried.
-    """
-    rest = ("pulled",) if starts[0] == "pivoting" else ("pivoting", "pulled")
-    return [start for start in starts if start in rest]
-
-
-def left_free(by: Stepper, attempt: Attempt) -> bool:
-    """Return whether an attempt left a motion free where pivoting finds what there is."""
-    return attempt.outcome.free is not None and by.complete
 
 
 def grown(share: float, travel: float) -> float:

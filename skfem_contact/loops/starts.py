@@ -142,39 +142,28 @@ def starting_values(
     before : callable, optional
         Gives the load at which the step begins, for ``"pulled"``.
     """
-    found = _start(start, as_guess(known), step, tolerance, loop, dense, before)
-    found.guess = admissible(found.guess, step)
-    return found
-
-
-def _start(
-    start: str,
-    guess: Guess,
-    step: Step,
-    tolerance: float,
-    loop: str,
-    dense: Step,
-    before: Callable[[], Load] | None,
-) -> Start:
+    found, guess = None, as_guess(known)
     if start == "warm":
-        return Start(guess)
-    if start == "newton":
-        return Start(*_by_newton(guess, step, tolerance))
-    if start == "pivoting":
+        found = Start(guess)
+    elif start == "newton":
+        found = Start(*_by_newton(guess, step, tolerance))
+    elif start == "pivoting":
         from skfem_contact.loops.lemke import lemke_guess  # few steps come to this start
 
         pivoted = lemke_guess(dense, guess)
         if pivoted is not None:
-            return Start(*_by_newton(pivoted, step, tolerance)) if loop == "direct" else Start(pivoted)
-    if start == "proximal":
-        return Start(*proximal(dense, admissible(guess, dense), tolerance))
-    if start == "pulled" and before is not None:
+            found = Start(*_by_newton(pivoted, step, tolerance)) if loop == "direct" else Start(pivoted)
+    elif start == "proximal":
+        found = Start(*proximal(dense, admissible(guess, dense), tolerance))
+    elif start == "pulled" and before is not None:
         guess, spent, carried = pulled(dense, before(), admissible(guess, dense), tolerance)
-        return Start(guess, spent, carried=carried)
-    if start == REGULARISED:
+        found = Start(guess, spent, carried=carried)
+    elif start == REGULARISED:
         guess, shares = from_regularised(dense, admissible(guess, dense), tolerance)
-        return Start(guess, stateless=shares if shares.any() else None)
-    return Start(_cold(step))
+        found = Start(guess, stateless=shares if shares.any() else None)
+    found = found or Start(_cold(step))
+    found.guess = admissible(found.guess, step)
+    return found
 
 
 def _by_newton(guess: Guess, step: Step, tolerance: float) -> tuple[Guess, Outcome]:
