@@ -275,6 +275,16 @@ class EquilibriumSearch:
         rest = self.settled
         return Recovery.of(self.advance.attempt) if rest is None else rest.recover
 
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Return what is to be said of bodies that may stand elsewhere."""
+        rest, grip, model = self.settled, self.grip, self.model
+        if rest is not None and rest.free.shape[1]:
+            return model.motions.indifferent(rest.free, rest.why)
+        if rest is not None:  # found on weak springs, and held by what carries
+            grip = Grip.of(model, rest.advance.attempt)
+        return () if grip is None else grip.adrift(model.interface)
+
     def find(self) -> Verdict:
         """Find the answer; where it leaves motions free, at the place that moves least."""
         model, f = self.stepper.model, self.step.target.f
