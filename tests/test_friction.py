@@ -239,3 +239,15 @@ def test_a_bound_that_falls_with_the_slip_lags_in_whole_steps(length, most):
     solver = sc.ContactSolver(block, sc.Contact(block.surface("bottom"), floor, friction=law))
     results = list(solver.history([0.3, 0.6, 1.0]))
     assert sum(result.iterations for result in results) <= most
+
+
+def test_a_coefficient_that_is_round_off_is_none():
+    """A free cube on a floor stands anywhere, and is not looked for where round-off would hold it."""
+    mesh = fem.MeshHex().with_boundaries({"low": lambda x: x[2] == 0, "high": lambda x: x[2] == 1})
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
+    cube = sc.Body(basis, sc.Elastic(1.0, 0.3), f={"high": (0.0, 0.0, -0.01)}, name="cube")
+    floor = sc.RigidPlane((0, 0, 0), (0, 0, 1))
+    contact = sc.Contact(cube.surface("low"), floor, friction=sc.Coulomb(1e-17))
+    with pytest.warns(sc.errors.ContactWarning, match="place of body 'cube' is indifferent"):
+        result = sc.ContactSolver(cube, contact).solve()
+    assert result.iterations <= 2
