@@ -341,7 +341,7 @@ ROWS = (
         (
             "conditions/friction:limit",
             "conditions/friction:slope",
-            "loops/complementarity:_slipping",
+            "loops/step:_slipping",
         ),
         tangential,
     ),

@@ -17,7 +17,7 @@ From the solver to the law of friction a load step passes, in this order::
     history/stepper           Stepper.attempt          one attempt, on one pairing, from one start
     loops/driver              drive                    counts iterations, and stops them
     loops/active_set          newton                   solves for a set of points, and corrects it
-    loops/complementarity     Projection.proposal      what the answer asks every point to change to
+    loops/step                Projection.proposal      what the answer asks every point to change to
     conditions/friction_rule  FrictionRule             bounds and forces of all laws
     conditions/friction       radial_return            the force within its bound
 

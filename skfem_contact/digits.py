@@ -1,7 +1,8 @@
 """The number of digits that count, by where a number comes from: relative to the largest.
 
 What is smaller is zero, and what differs by less is equal. Most thresholds are one of these five; one
-that is not has a name and a reason of its own, in the ``thresholds`` of its package.
+that is not has a name and a reason of its own, at the top of its module or in the ``thresholds`` of its
+package.
 """
 
 from __future__ import annotations

@@ -147,29 +147,6 @@ def test_round_off_below_zero_is_zero():
                 law.limit(*arguments)
 
 
-@pytest.mark.parametrize(
-    ("law", "grips"),
-    [
-        (sc.Coulomb(0.3), True),
-        (sc.Coulomb(np.array([0.3, 1e-9]), cohesion=1.0), True),
-        (sc.Coulomb(np.array([0.3, 0.0])), False),
-        (sc.Coulomb(1e-17), False),
-        (sc.Coulomb(0.3, tau_max=0.0), False),
-        (sc.Tresca(1.0), False),
-        (own(lambda N, A, s: 0.5 * N), False),
-    ],
-)
-def test_laws_that_grip_wherever_something_presses(law: sc.conditions.FrictionLaw, grips: bool) -> None:
-    """What is said to grip has a bound that forces of all sizes are told from; it need not be asked."""
-    checked = checked_law(law, np.zeros((2, 2)))
-    assert checked.grips is grips
-    if grips:
-        for size in (1e-200, 1.0, 1e200):
-            force = np.full(2, size)
-            bound = checked.limit(force, np.array([0.0, 1.0]), np.zeros((2, 1)))
-            assert (bound > np.finfo(float).eps * force).all()
-
-
 def test_the_certificate_shows_nan():
     """NaN in any number of a certificate is the worst of them; only moments may be missing."""
     good = sc.answers.Certificate(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.nan, np.nan, np.nan)

@@ -226,3 +226,28 @@ def test_a_loop_that_fails_at_friction_that_falls_names_the_law_and_another_loop
         list(sc.ContactSolver(block, foot, loop="fictitious").history(steps))
     last = list(sc.ContactSolver(block, foot, loop="newton").history(steps))[-1]
     assert_allclose(last.force[0], -0.1 * last.force[1])
+
+
+@pytest.mark.parametrize(("length", "most"), [(1e-4, 15), (1e-3, 30)])
+def test_a_bound_that_falls_with_the_slip_lags_in_whole_steps(length, most):
+    """No line search follows a bound that falls: halved steps took 79 and 97 iterations, or failed."""
+    x = np.linspace(0, 1, 5)
+    mesh = fem.MeshQuad.init_tensor(2 * np.linspace(0, 1, 9), x).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    block = sc.Body(basis, sc.Elastic(1.0, 0.3), D="top", x={"top": (0.02, -0.01)}, name="block")
+    floor, law = sc.RigidPlane((0, 0), (0, 1)), Along(0.6, 0.05, length)
+    solver = sc.ContactSolver(block, sc.Contact(block.surface("bottom"), floor, friction=law))
+    results = list(solver.history([0.3, 0.6, 1.0]))
+    assert sum(result.iterations for result in results) <= most
+
+
+def test_a_coefficient_that_is_round_off_is_none():
+    """A free cube on a floor stands anywhere, and is not looked for where round-off would hold it."""
+    mesh = fem.MeshHex().with_boundaries({"low": lambda x: x[2] == 0, "high": lambda x: x[2] == 1})
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
+    cube = sc.Body(basis, sc.Elastic(1.0, 0.3), f={"high": (0.0, 0.0, -0.01)}, name="cube")
+    floor = sc.RigidPlane((0, 0, 0), (0, 0, 1))
+    contact = sc.Contact(cube.surface("low"), floor, friction=sc.Coulomb(1e-17))
+    with pytest.warns(sc.errors.ContactWarning, match="place of body 'cube' is indifferent"):
+        result = sc.ContactSolver(cube, contact).solve()
+    assert result.iterations <= 2

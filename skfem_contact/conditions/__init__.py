@@ -7,9 +7,8 @@
   bodies too;
 * `loads`, `interface`, `state`: loads of a step, laws of all points, what friction remembers and
   what that belongs to;
-* `motions`, `statics`: what supports leave free, in words too, and whether contact holds it;
+* `motions`: what supports leave free, in words too, and whether contact holds it;
 * `checks`: what can be said before solving, of pairings and of axisymmetric bodies;
-* `thresholds`: numbers, and where they come from.
 """
 
 from typing import TYPE_CHECKING
@@ -33,10 +32,9 @@ __getattr__, __dir__ = entrances(
         "friction_rule": "CheckedLaw FrictionRule steep_words",
         "kinematics": "Kinematics",
         "loads": "LoadCase Motion",
-        "motions": "RigidMotions null_space rigid_motions",
+        "motions": "RigidMotions escape null_space rigid_motions",
         "orthotropic": "combinations duals OrthotropicCoulomb",
         "rows": "combined_rows tangential_matrix",
         "state": "LocalState transport",
-        "statics": "escape",
     },
 )

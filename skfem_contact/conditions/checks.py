@@ -22,12 +22,17 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics, prescribed_rows
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.thresholds import BRIDGED, HUGE
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import ConstraintError, InputError, warn
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.diagnosis import NEVER, diagnose, look_alike, say_wrong_side
 from skfem_contact.pairing.node import Pairing
+
+# An overlap of this share of a body is no interference fit: small strains end long before.
+HUGE = 0.1
+
+# Gaps that differ by this share of a body are no layer of glue, and none is an inexactness of a mesh.
+BRIDGED = 0.3
 
 
 def check_passes(contacts: Sequence[Contact], names: Sequence[str]) -> None:

@@ -31,7 +31,6 @@ from skfem_contact.sealed import kept
 
 Field: TypeAlias = "ArrayLike | Callable[[Array], ArrayLike]"
 
-
 NO_SLIP = (
     "Contact: wear=... needs the slip, and without friction nothing tangential is modelled. Give it a "
     "coefficient that is small but not zero, friction=Coulomb(1e-6)."

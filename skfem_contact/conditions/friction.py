@@ -37,6 +37,10 @@ from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import kept, sealed
 
+# A trial force beyond any bound, for points that slip in a known direction. A power of two, so that the
+# force on the bound has no round-off; and its fourth power is still a number.
+BEYOND = 2.0**250
+
 #: Why a bound is not negative, and what to do where nothing is to slip.
 NO_SIGN = (
     "It bounds the size of the friction force, whose direction follows from the slip; give a value "

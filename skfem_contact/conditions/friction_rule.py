@@ -18,6 +18,7 @@ from skfem_contact.arrays import Array, Index, Mask, lengths, unit_vectors
 from skfem_contact.bodies.selection import written
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import (
+    BEYOND,
     Coulomb,
     Derivatives,
     FrictionLaw,
@@ -29,10 +30,12 @@ from skfem_contact.conditions.friction import (
     unlawful,
 )
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.conditions.thresholds import BEYOND, STEEP
 from skfem_contact.digits import COMPUTED, SINGLE
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
+
+# Coefficients from here on are larger than those of any pair of materials, sticky rubber (3) included.
+STEEP = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,17 +73,6 @@ class CheckedLaw(ByFields):
         Its bounds need no check, and are piecewise linear in the normal force, without the slip.
         """
         return type(self.law) in (Coulomb, OrthotropicCoulomb, Tresca)
-
-    @property
-    def grips(self) -> bool:
-        """The bound is known to be at least a share of the normal force at all points.
-
-        Not one of a size that no force can tell from nothing, and whatever cohesion adds.
-        """
-        law = self.law
-        if type(law) is not Coulomb or np.any(law.tau_max != np.inf):
-            return False
-        return bool(np.min(law.mu) > COMPUTED and np.min(law.cohesion) >= 0.0)
 
     def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
         """Bounds, shape (m,); see `FrictionLaw.limit`. Zero at points without area.
@@ -238,7 +230,7 @@ class FrictionRule:
     """Friction at all points: the laws of all contacts, asked as one; zero where there is none.
 
     It alone answers what friction makes of a trial force (`project`), how that changes (`mapped`),
-    which points slip, and by how much a force is off the law (`excess`, `sliding`).
+    which points slip, and by how much a force is off the law (`excess`).
 
     Parameters
     ----------
@@ -277,11 +269,6 @@ class FrictionRule:
         vars(rule).update(vars(self), reference=reference, _asked=None)
         return rule
 
-    @cached_property
-    def smooth(self) -> bool:
-        """There may be points where nothing can stick: see `CheckedLaw.grips`."""
-        return not all(law.grips for _, law in self.laws)
-
     def bound(self, normal_force: Array, slip: Array) -> Array:
         """Bound of the friction force of every point, (m,) [force]; an iteration asks twice of one."""
         known = self._asked
@@ -318,12 +305,6 @@ class FrictionRule:
                 whole[part] = values
         return force, slips, by
 
-    def sliding(self, direction: Array, normal_force: Array, slip: Array) -> Array:
-        """Friction forces (m, d-1) of points that slip along unit directions (m, d-1)."""
-        if direction.shape[1] == 1 and self.by_bound:
-            return direction * self.bound(normal_force, slip)[:, None]
-        return self.project(BEYOND * direction, normal_force, slip)[0]
-
     def slipping(
         self, direction: Array, size: Array | float, normal_force: Array, slip: Array
     ) -> Mapped:
@@ -333,7 +314,7 @@ class FrictionRule:
         # along the only tangent the force is the bound, whatever the trial force is
         still = np.zeros((len(direction), 1, 1))
         by = Derivatives(still, self.slope(normal_force, slip)[:, None] * direction, still)
-        return self.sliding(direction, normal_force, slip), direction[:, 0] != 0, by
+        return direction * self.bound(normal_force, slip)[:, None], direction[:, 0] != 0, by
 
     def hardens(self, direction: Array, normal_force: Array, slip: Array) -> Mask:
         """Points whose bound grows with slip along `direction`: a spring along it, (m,)."""

@@ -18,9 +18,12 @@ from skfem_contact.conditions.friction import Archard, Coulomb, FrictionLaw, Tre
 from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.rows import compliance_scale
-from skfem_contact.conditions.thresholds import STIFFNESS
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
+
+# The tangential stiffness that a loop takes where the law gives none, over K's diagonal at the
+# point: exact sticking; an error of 1e-3 in the slip of sticking points; one that still converges.
+STIFFNESS = {"newton": np.inf, "direct": 1e3, "fictitious": 1.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,14 +82,14 @@ def contact_names(contacts: Sequence[Contact]) -> tuple[str, ...]:
 
 
 def can_carry(law: FrictionLaw | None, m: int) -> Mask:
-    """Points at which a law can give any friction: a coefficient of zero is no friction, (m,).
+    """Points at which a law can give any friction, (m,): a coefficient that is round-off is none.
 
     Nothing tangential is modelled at the others, as without a law: a point that may stick, if only
     with a force of zero, would hold a body that nothing holds.
 
     Examples
     --------
-    >>> can_carry(Coulomb(0.0), 2), can_carry(Tresca([0.0, 1.0]), 2)
+    >>> can_carry(Coulomb(1e-17), 2), can_carry(Tresca([0.0, 1.0]), 2)
     (array([False, False]), array([False,  True]))
     """
     if law is None:
@@ -94,8 +97,12 @@ def can_carry(law: FrictionLaw | None, m: int) -> Mask:
     if type(law) not in (Coulomb, Tresca):
         return np.ones(m, dtype=bool)  # what a user's own law gives is its own affair
     one = np.ones(m)
-    limit = law.limit(one, one, np.zeros((m, 1)))
-    return np.asarray(np.broadcast_to(limit, m) > 0)
+    carries = np.broadcast_to(law.limit(one, one, np.zeros((m, 1))) > 0, m)
+    if isinstance(law, Coulomb):
+        carries = carries & (
+            (np.asarray(law.mu) > np.finfo(float).eps) | (np.asarray(law.cohesion) > 0)
+        )
+    return np.asarray(carries)
 
 
 def interface(

@@ -317,29 +317,20 @@ def join(parts: Sequence[Kinematics]) -> Kinematics:
     values = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names.split()}
     first = np.cumsum([0, *(part.m for part in parts)])
     heir = np.concatenate([k + part.heir for k, part in zip(first[:-1], parts, strict=True)])
+    turned, weights = any(part.scaled is not None for part in parts), None
+    if any(part.gap_weights is not None for part in parts):
+        blocks = [identity(p.m) if p.gap_weights is None else p.gap_weights for p in parts]
+        weights = csr_matrix(block_diag(blocks))
     return Kinematics(
         B_n=stacked_rows([part.B_n for part in parts]),
         tangential=partial(_joined_tangential, tuple(parts)),
         tangents=parts[0].tangents,
         heir=heir,
         corners=tuple(found for part in parts for found in part.corners),
-        gap_weights=_joined_weights(parts),
-        scaled=_joined_axes(parts),
+        gap_weights=weights,
+        scaled=np.concatenate([part.axes for part in parts]) if turned else None,
         **values,
     )
-
-
-def _joined_weights(parts: Sequence[Kinematics]) -> csr_matrix | None:
-    if all(part.gap_weights is None for part in parts):
-        return None
-    blocks = [identity(p.m) if p.gap_weights is None else p.gap_weights for p in parts]
-    return csr_matrix(block_diag(blocks))
-
-
-def _joined_axes(parts: Sequence[Kinematics]) -> Array | None:
-    if all(part.scaled is None for part in parts):
-        return None
-    return np.concatenate([part.axes for part in parts])
 
 
 def without_columns(kin: Kinematics, columns: Index) -> Kinematics:

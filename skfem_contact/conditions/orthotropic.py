@@ -37,12 +37,19 @@ from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.selection import written
 from skfem_contact.carried import carried
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw
-from skfem_contact.conditions.thresholds import NO_PROJECTION, SMOOTHEST
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import kept, sealed
+
+# Least ratio of two coefficients of friction. Rows of slips are multiplied by it, and have to stay far
+# above GIVEN, below which a row counts as prescribed.
+SMOOTHEST = 1e-3
+
+# Sine of the angle to the normal below which a direction has no projection to speak of: half a degree,
+# where the turns that a body makes under load decide where it points.
+NO_PROJECTION = 1e-2
 
 COEFFICIENTS = "OrthotropicCoulomb: mu"
 PAIR = "give the coefficients along the direction and across it, mu=(mu_1, mu_2), or an array (m, 2)"

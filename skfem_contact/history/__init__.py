@@ -7,14 +7,13 @@
   smaller steps;
 * `nonlinear`: the same for bodies that are not linear, linearised at every iterate; `refined`: its
   linear problems to all their digits; `remarks`: what is to be said of its answers;
-* `grip`, `neutral_equilibrium`, `equilibrium`: bodies whose place nothing decides; the answer, or
+* `neutral_equilibrium`, `equilibrium`: bodies whose place nothing decides; the answer, or
   why there is none;
 * `solve_step`: from a load case to a result;
 * `gradients`: derivatives of histories; `damping`: histories along the inertia forces of a mode;
 * `checkpoint`: states on disk;
 * `solver`: what a solver is made of, other solvers that are made of it, and load steps: what users
   hold; `dry_run`: what it says before it solves, and while;
-* `thresholds`: numbers, and where they come from.
 """
 
 from typing import TYPE_CHECKING

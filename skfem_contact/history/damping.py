@@ -38,8 +38,11 @@ from skfem_contact.carried import copied
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, warn
 from skfem_contact.history.load_step import recover_all
-from skfem_contact.history.thresholds import CLOSED
 from skfem_contact.records import dataclass
+
+# A loop is closed if its ends are nearer than this part of its width: so much of its area has no
+# meaning, two digits of a damping that meshes and friction coefficients tell to one.
+CLOSED = 0.01
 
 
 @dataclass(eq=False, repr=False)

@@ -24,7 +24,6 @@ from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.history.thresholds import RESISTED, UNLIKE, UNRESISTED
 from skfem_contact.linalg.multifrontal.fronts import FactorSize
 from skfem_contact.linalg.resources import written_bytes
 from skfem_contact.obstacles.obstacle import Obstacle
@@ -32,6 +31,14 @@ from skfem_contact.pairing.diagnosis import diagnose, say_stiffer
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.trees import pairs_within
+
+# Forces of a rigid motion over those that the diagonal of K alone gives: round-off of a motion that K
+# does not resist is 1e-15 to 1e-12; a mesh that has been scaled by 1.001 is far above both.
+UNRESISTED, RESISTED = 1e-10, 1e-7
+
+# Bodies that are so many times as large as others may be meant, or metres beside millimetres (1000
+# times, where the bodies themselves are alike within a factor of three).
+UNLIKE = 300.0
 
 
 class Solver(Protocol):

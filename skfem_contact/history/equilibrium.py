@@ -6,24 +6,32 @@ arrived, has no equilibrium, or its loop did not converge.
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.result import ContactResult, falling
-from skfem_contact.arrays import Array
+from skfem_contact.arrays import Array, Mask, largest, lengths
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.friction_rule import jumps_open
-from skfem_contact.conditions.motions import RigidMotions, no_equilibrium
-from skfem_contact.conditions.statics import drives, escape
-from skfem_contact.digits import GIVEN
+from skfem_contact.conditions.friction_rule import jumps_open, resisting_slips
+from skfem_contact.conditions.interface import Interface
+from skfem_contact.conditions.motions import (
+    BARELY,
+    RigidMotions,
+    drives,
+    escape,
+    no_equilibrium,
+    null_space,
+)
+from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.errors import NoEquilibrium, NotConverged, SingularMatrix
-from skfem_contact.history.grip import Grip
-from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
-from skfem_contact.history.stepper import Stepper
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, force_terms
+from skfem_contact.history.stepper import TURNED, Stepper
 from skfem_contact.history.stepping import advance
 from skfem_contact.pairing.corners import Corners
 from skfem_contact.problem.model import EVEN_CLOSED, LinearModel
@@ -35,8 +43,125 @@ if TYPE_CHECKING:
 
     Known = Answer | SavedState | None
 
-
 CAN_CARRY = "with the forces that contact can carry"
+
+
+# Friction holds a motion at an angle to its direction by the square of the angle. Where that is below
+# 1e-10, at 1e-5 rad, half of the digits of the place are lost: it counts as free, as what moves by
+# `SOLVED` of a unit does.
+ACROSS = 1e-4
+
+# The smallest number that is divided by.
+TINY = float(np.finfo(float).tiny)
+
+
+@dataclass(eq=False)
+class Grip:
+    """The hold of the bodies at an answer: points that carry a force, and friction.
+
+    Attributes
+    ----------
+    motions : RigidMotions
+        Those that supports leave free, as the pairing of the answer sees them.
+    attempt : Attempt
+    carrying : ndarray of bool, shape (m,)
+        Points with more than round-off of a force, glued ones too.
+    stick : ndarray of bool, shape (m,)
+        Of these the ones that friction or glue holds, also where it grows with the slip.
+    largest : float
+        Largest normal force, or what is round-off of the loads where nothing presses [force].
+    firmly : float
+        What holds a motion, see `RigidMotions.free`.
+    """
+
+    motions: RigidMotions
+    attempt: Attempt
+    carrying: Mask
+    stick: Mask
+    largest: float
+    firmly: float
+
+    @classmethod
+    def of(cls, model: LinearModel, attempt: Attempt) -> Grip:
+        """Say that of an attempt."""
+        motions, state = attempt.problem.motions, attempt.local
+        if attempt.model is not model:  # there DOFs are held that nothing holds
+            motions = model.motions.seen_by(attempt.problem.kin)
+        most = largest(np.abs(state.normal_force))
+        floor = max(SOLVED * most, COMPUTED * force_terms(model, attempt.case))
+        carrying = (state.status != OPEN) & (state.normal_force > floor)
+        carrying |= motions.kin.never_opens
+        stick = carrying & model.interface.slipping & (state.status == STICK)
+        slips = carrying & (state.status == SLIP)
+        if np.count_nonzero(slips):
+            stick |= resisting_slips(model.interface.laws, state, slips)
+        firmly = TURNED if model.geometry.follows else SOLVED
+        return cls(motions, attempt, carrying, stick, max(most, floor, TINY), firmly)
+
+    @cached_property
+    def idles(self) -> bool:
+        """Whether an answer rests on points that carry nothing: some motion is held by nothing else.
+
+        A point holds a motion by the work of its force: one that hardly moves on it and hardly carries
+        anything (a point of an arc, that a body has rolled to by several widths) holds by round-off.
+        """
+        motions, carrying, stick = self.motions, self.carrying, self.stick
+        share = self.attempt.local.normal_force / self.largest
+        share[motions.kin.bilateral] = 1.0
+        enough = motions.held(carrying, stick, self.firmly)
+        if enough and motions.held(carrying * share**2, stick, GIVEN):
+            return False
+        rows, across = motions.rows(carrying, stick), self._across()
+        if null_space(np.concatenate([rows, across]), self.firmly).shape[1]:
+            return True
+        rows[: np.count_nonzero(carrying)] *= share[carrying, None]
+        return null_space(np.concatenate([rows, across]), GIVEN).shape[1] > 0
+
+    def _across(self, full: Mask | None = None) -> Array:
+        """Rows (r, k) by which friction at its bound holds motions across its direction.
+
+        At carrying points that slip, and at sticking ones whose friction is at its bound too, `full`.
+        In space it turns with the slip, and so resists what turns it. How stiffly falls with the square
+        of the angle between the motion and the friction, and with the way that has been slid.
+        """
+        motions, local = self.motions, self.attempt.local
+        if motions.kin.tangents < 2:
+            return np.zeros((0, motions.k))
+        at = self.carrying & (local.status == SLIP) & np.any(local.tangential_force != 0, axis=1)
+        if full is not None:
+            at |= full
+        friction = local.tangential_force[at]
+        d = friction / lengths(friction)[:, None]
+        slip = motions.tangential[at]
+        left = slip - d[:, :, None] * np.einsum("pt,ptk->pk", d, slip)[:, None]
+        return ACROSS * left.reshape(-1, motions.k)
+
+    def adrift(self, interface: Interface) -> tuple[str, ...]:
+        """Sentences on bodies whose place an answer does not decide, and that were not settled.
+
+        A point that sticks with friction at its bound holds nothing: it may as well slip on, while
+        others that slipped do so less, and all forces stay. On which of them the body comes to rest is
+        a matter of the iterations. So it is where forces are round-off and contact slides far. A
+        body that has slid over many of its lengths has round-off of that motion in its forces.
+        """
+        motions, state, full = self.motions, self.attempt.local, np.zeros(len(self.stick), dtype=bool)
+        if np.count_nonzero(self.stick) and state.tangential_force.size:
+            friction = lengths(state.tangential_force)
+            full = self.stick & interface.frictional & (friction > 0) & (state.status == STICK)
+            bound = self.attempt.friction_bound
+            moved = max(self.attempt.model.stiffest) * largest(np.abs(state.slip))
+            full &= friction >= (1 - SOLVED) * bound - COMPUTED * moved
+        if not (np.count_nonzero(full) or self.idles):  # all that sticks holds, and that is enough
+            return ()
+        free = motions.free(self.carrying, self.stick & ~full, more=self._across(full))
+        if not free.shape[1]:
+            return ()
+        if free.shape[1] == 1 and full.any():  # all of them have to slip against their friction at once
+            slip = (motions.tangential[full] @ free)[..., 0]
+            work = np.einsum("pt,pt->p", slip, state.tangential_force[full])
+            if np.min(work) < 0 < np.max(work):
+                return ()
+        return motions.indifferent(free, BARELY)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +275,16 @@ class EquilibriumSearch:
         rest = self.settled
         return Recovery.of(self.advance.attempt) if rest is None else rest.recover
 
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Return what is to be said of bodies that may stand elsewhere."""
+        rest, grip, model = self.settled, self.grip, self.model
+        if rest is not None and rest.free.shape[1]:
+            return model.motions.indifferent(rest.free, rest.why)
+        if rest is not None:  # found on weak springs, and held by what carries
+            grip = Grip.of(model, rest.advance.attempt)
+        return () if grip is None else grip.adrift(model.interface)
+
     def find(self) -> Verdict:
         """Find the answer; where it leaves motions free, at the place that moves least."""
         model, f = self.stepper.model, self.step.target.f
@@ -165,8 +300,6 @@ class EquilibriumSearch:
         good = self.advance.attempt.good
         if may_float and good:
             self.grip = Grip.of(model, self.advance.attempt)
-            if self.grip.idles:
-                self._press()
             if model.loose.shape[1] or self.grip.idles:
                 self.rest = self._try_settle()
         rest = self.settled
@@ -225,27 +358,6 @@ class EquilibriumSearch:
             return False
         self.rest = self._try_settle(last)
         return self.settled is not None
-
-    def _press(self) -> None:
-        """Take an answer that holds all bodies where they were pressed before, if there is one.
-
-        A block between inclined sides may stand loose as well as squeezed by friction. From squeezed it
-        comes to loose by no small step, but iterations may jump there: pivoting has no such jumps.
-        """
-        by = self.stepper.held
-        if "pivoting" not in by.starts or not np.any(self.step.state.normal_force > 0):
-            return
-        once = replace(by, options=replace(by.options, max_cuts=0))
-        try:
-            found = advance(once, self.step, begin=["pivoting"])
-        except SingularMatrix:  # where it leads leaves a motion free as well
-            return
-        if not found.attempt.good:
-            return
-        grip = Grip.of(self.stepper.model, found.attempt)
-        if not grip.idles:
-            found.trace[:0] = self.advance.trace
-            self.advance, self.grip = found, grip
 
     def _free(self, error: SingularMatrix) -> Verdict:
         """Take the answer where a set of points left a motion free; none is no equilibrium.

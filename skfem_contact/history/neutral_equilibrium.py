@@ -24,18 +24,31 @@ from dataclasses import replace
 import numpy as np
 
 from skfem_contact.arrays import Array, Mask
-from skfem_contact.conditions.motions import NEAR, NOWHERE, RigidMotions
+from skfem_contact.conditions.motions import NEAR, NOWHERE, RigidMotions, drives
 from skfem_contact.conditions.state import OPEN, State
-from skfem_contact.conditions.statics import drives
 from skfem_contact.digits import COMPUTED, SINGLE, SOLVED
-from skfem_contact.history.grip import force_terms, pins, weak_springs
-from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
-from skfem_contact.history.stepper import Stepper
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, force_terms
+from skfem_contact.history.stepper import TURNED, Stepper, pins
 from skfem_contact.history.stepping import advance
-from skfem_contact.history.thresholds import FALLS, FEW_CUTS, FIRM, ROUNDS, TURNED, WEAK
 from skfem_contact.linalg.dense_factors import nonnegative_least_squares
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.records import dataclass
+
+# Weak springs, over the largest stiffness of a body: forces are found to six digits, and a factor of
+# ten between the two is far from one.
+WEAK = (1e-6, 1e-7)
+
+# Where contact slides far and strains drive a body, to second order, weaker ones let it run off.
+FIRM = (1e-3, 1e-4)
+
+# Share of a point's force that is left with the weaker springs: 0.1 of what they make, 1 of the rest.
+FALLS = 0.5
+
+# Each round of moving the held DOFs gains the strain's digits: exact motions take two.
+ROUNDS = 8
+
+# What is found at rest moves little: no more cuts of the step than one.
+FEW_CUTS = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,3 +319,14 @@ class NeutralEquilibrium:
             options = replace(options, max_cuts=min(options.max_cuts, FEW_CUTS))
         stepper = replace(self.stepper, model=model, barred=barred, options=options)
         return advance(stepper, replace(step, known=known, callback=None))
+
+
+def weak_springs(model: LinearModel, weak: float) -> Array:
+    """Springs on all DOFs of bodies with free motions, together `weak` of their stiffness, (n,)."""
+    springs = np.zeros(model.system.n)
+    moves = np.any(model.motions.modes != 0, axis=1)
+    for body, stiffest in zip(model.system.bodies, model.stiffest, strict=True):
+        part = model.system.slice(body)
+        if moves[part].any():
+            springs[part] = weak * stiffest / body.n
+    return springs

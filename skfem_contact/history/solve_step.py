@@ -28,16 +28,13 @@ from skfem_contact.arrays import Array, Mask
 from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.checks import check_loads
-from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError, LinearSolveError, SingularMatrix, warn
 from skfem_contact.history.equilibrium import EquilibriumSearch, Verdict
-from skfem_contact.history.grip import Grip
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.read import StepReader
 from skfem_contact.history.stepper import Stepper
-from skfem_contact.history.thresholds import HARDLY_MOVES, PRESSED
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.driver import NOTHING_HOLDS, converged_words
 from skfem_contact.loops.starts import natural_state
@@ -51,8 +48,14 @@ from skfem_contact.records import dataclass
 if TYPE_CHECKING:
     from skfem_contact.history.checkpoint import SavedState
     from skfem_contact.history.equilibrium import Known
-    from skfem_contact.history.neutral_equilibrium import Rest
     from skfem_contact.history.nonlinear import NonlinearSearch
+
+# Sway and turn of a tool over the way that it moves, below which what changes them is compared with
+# this part of the way: a press down by 1 with a shift of 0.001 is one without.
+HARDLY_MOVES = 0.01
+
+# Contact force on a tool over the sum of its parts, from which on it has a direction.
+PRESSED = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,33 +123,25 @@ class StepSolver(ByFields):
         step = LoadStep(state, before, target, known, callback, workspace=workspace)
         found: EquilibriumSearch | NonlinearSearch
         if any(body.nonlinear for body in model.system.bodies):
-            found = self._nonlinear(step, start)
+            from skfem_contact.history.nonlinear import NonlinearSearch  # many jobs have none
+
+            found = NonlinearSearch(self.stepper, step, start)
         else:
             found = EquilibriumSearch(self.stepper, step, start)
         verdict = found.find()
         if not verdict.reached:
             raise verdict.error(self.stepper.loop, None)
-        last = found.last
-        rest = last.settled
-        places = _places(last, rest, model.interface)
-        result = self._answer(found, verdict, places, time.perf_counter() - begin)
+        result = self._answer(found, verdict, time.perf_counter() - begin)
         arrived = verdict.arrived
         if arrived:
             if model.choice.few_steps:
                 _check_digits(result)
-            leaning = second_order(found.advance.attempt) if rest is None else {}
+            leaning = second_order(found.advance.attempt) if found.last.settled is None else {}
             self.watch.look(result, issued, leaning)
             _tell(result, getattr(found, "remarks", {}))
         if arrived or not throw:
             return result
         raise verdict.error(self.stepper.loop, ContactResult(result))
-
-    def _nonlinear(self, step: LoadStep, start: Known) -> NonlinearSearch:
-        from skfem_contact.history.nonlinear import (
-            NonlinearSearch,
-        )  # many jobs have linear bodies alone
-
-        return NonlinearSearch(self.stepper, step, start)
 
     def left(self, start: Answer | SavedState) -> LoadCase:
         """The loads of a state to go on from, with the places that new supports find DOFs at.
@@ -215,7 +210,6 @@ class StepSolver(ByFields):
         self,
         found: EquilibriumSearch | NonlinearSearch,
         verdict: Verdict,
-        places: tuple[str, ...],
         seconds: float,
     ) -> Answer:
         way = found.advance
@@ -256,7 +250,7 @@ class StepSolver(ByFields):
             conditions=attempt.outcome.iterate.conditions,
             factor=found.step.target.factor,
             linear=model.choice.said,
-            indifferent=places,
+            indifferent=found.last.places,
             before=attempt.start,
             parts=way.substeps,
             springs=attempt.problem.springs is not None,
@@ -274,16 +268,6 @@ def _check_digits(result: Answer) -> None:
     left = certified(result).equilibrium
     if left > SOLVED:
         raise LinearSolveError(f"forces are balanced to {left:.1e} of the largest")
-
-
-def _places(found: EquilibriumSearch, rest: Rest | None, interface: Interface) -> tuple[str, ...]:
-    """Return what is to be said of bodies that may stand elsewhere; `rest` as `found.settled`."""
-    grip = found.grip
-    if rest is not None and rest.free.shape[1]:
-        return found.model.motions.indifferent(rest.free, rest.why)
-    if rest is not None:  # found on weak springs, and held by what carries
-        grip = Grip.of(found.model, rest.advance.attempt)
-    return () if grip is None else grip.adrift(interface)
 
 
 def _tell(result: Answer, remarks: dict[str, str]) -> None:

@@ -389,7 +389,6 @@ class Variants(ProblemSetup):
 
 logger = logging.getLogger("skfem_contact")
 
-
 # What to write for keywords that belong elsewhere.
 IN_OPTIONS = {name: f"it belongs to options=Options({name}=...)" for name in Options.__annotations__}
 IN_OPTIONS["tol"] = "it belongs to options=Options(tolerance=...)"

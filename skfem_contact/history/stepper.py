@@ -6,21 +6,19 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import qr
 from scipy.sparse import csr_matrix, vstack
 
-from skfem_contact.arrays import Mask
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule, jumps_open
 from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.motions import balanced
 from skfem_contact.conditions.state import OPEN, LocalState, State
-from skfem_contact.conditions.statics import balanced
 from skfem_contact.errors import ConstraintError
-from skfem_contact.history.grip import pins
 from skfem_contact.history.load_step import Attempt, LoadStep
-from skfem_contact.history.thresholds import NAMED, NOISE
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.loops.complementarity import friction_of_prescribed_slip
 from skfem_contact.loops.driver import LOOPS, Options, Outcome, drive
 from skfem_contact.loops.multipliers import Collision
 from skfem_contact.loops.starts import (
@@ -28,11 +26,21 @@ from skfem_contact.loops.starts import (
     possible_starts,
     starting_values,
 )
-from skfem_contact.loops.step import Step
+from skfem_contact.loops.step import Step, friction_of_prescribed_slip
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.response import Load
 from skfem_contact.problem.seam import ContactProblem
 from skfem_contact.records import dataclass
+
+# Round-off of contact forces over the terms that cancel where nothing presses.
+NOISE = 10 * float(np.finfo(float).eps)
+
+# How many points that can not all be closed a message names.
+NAMED = 4
+
+# Where contact slides far its normals turn by the strains of the surfaces: motions that points hold by
+# no more than that may be free. Whether they are the reaction of the held DOFs says.
+TURNED = 1e-2
 
 RAN_AWAY = (
     "loads and contact forces do not balance along a motion that supports leave free: it is hardly "
@@ -89,12 +97,9 @@ class Stepper(ByFields):
     def jumps(self) -> bool:
         """Return whether friction jumps where points open, and can be made to rise steeply instead."""
         interface, kin = self.model.interface, self.model.kin
-        by_bound = all(law.by_bound for _, law in interface.laws)
-        return (
-            by_bound
-            and kin.tangents > 1
-            and jumps_open(interface.laws, kin.area, kin.tangents, ~interface.bilateral)
-        )
+        if kin.tangents < 2 or not all(law.by_bound for _, law in interface.laws):
+            return False
+        return jumps_open(interface.laws, kin.area, kin.tangents, ~interface.bilateral)
 
     @property
     def complete(self) -> bool:
@@ -262,3 +267,13 @@ class Stepper(ByFields):
             last.wear,
             last.worn,
         )
+
+
+def pins(model: LinearModel, free: Array) -> Array:
+    """Springs on as many single DOFs as there are motions (k, j) to hold, (n,)."""
+    U = model.motions.modes @ free
+    chosen = qr(U.T, mode="economic", pivoting=True)[2][: U.shape[1]]
+    springs = np.zeros(len(U))
+    diagonal = np.concatenate(model.diagonals)
+    springs[chosen] = diagonal[chosen]
+    return springs

@@ -8,13 +8,12 @@ is left in the end is friction that rises steeply where it jumps (`loops.starts`
 
 Where surfaces wear, every attempt at a load step is solved again with the depth that it wears off.
 The depth worn in a step opens the gaps at its end, and follows from the forces there: an equation
-``w = w_n + c (lambda_n + lambda(w))`` with ``c = k |slip| / 2A`` at every point. Closed points answer
-a depth by ``d lambda = -S dw``, with the stiffness S that the contact problem has on gaps and slips;
-Newton's method with that settles in few rounds. Where there is no such matrix, secants take its place.
-
-The largest eigenvalue of ``c S`` is the share of the depth worn that elastic bodies answer by another
-pressure. It says how long a step may be: what is rough from point to point changes in a step by the
-factor ``(1 - c S) / (1 + c S)``, which must not be negative. Longer steps are cut.
+``w = w_n + c (lambda_n + lambda(w))`` with ``c = k |slip| / 2A`` at every point, a fixed point that
+secants reach. Closed points answer a depth by ``d lambda = -S dw``, with the stiffness S that the
+contact problem has on gaps and slips. The largest eigenvalue of ``c S`` is the share of the depth worn
+that elastic bodies answer by another pressure, and says how long a step may be: what is rough from
+point to point changes in a step by the factor ``(1 - c S) / (1 + c S)``, which must not be negative.
+The second round shows how much of the first one's depth is answered; steps too long by that are cut.
 
 Where contact slides far, every attempt is solved again on the pairing of its own answer. That is a
 fixed point, which secants reach in half the rounds of repetition. A step in which a point slid too
@@ -28,32 +27,44 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import LinAlgError
 
 from skfem_contact.arrays import Array, Mask, lengths
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.state import OPEN, STICK, LocalState
+from skfem_contact.conditions.state import OPEN, LocalState
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep
 from skfem_contact.history.stepper import RAN_AWAY, Stepper
-from skfem_contact.history.thresholds import (
-    AIM,
-    ANSWERED_BY_SECANTS,
-    EDGE,
-    FAR,
-    FAR_TOO_LONG,
-    LONGER,
-    PLAIN,
-    SHORTER,
-    WEAR_ROUNDS,
-)
-from skfem_contact.linalg.dense_factors import cholesky
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.starts import REGULARISED
 from skfem_contact.loops.step import Record
 from skfem_contact.records import dataclass
+
+# A step that fails is halved, and after a success the next part is twice as large: what one cut too
+# many costs is won back by one that succeeds.
+SHORTER, LONGER = 0.5, 2.0
+
+# What a step is cut to, of the distance that points may slide; and from which multiple of it on the
+# first round, on a pairing that is only predicted, is believed.
+AIM, FAR = 0.95, 1.3
+
+# Rounds of plain repetition, which suffice where pressures are small against the modulus.
+PLAIN = 3
+
+# Round from which on a point that has left the primary surface is not taken back in the same step:
+# at its very end there is no pairing that is that of its own answer.
+EDGE = 5
+
+# The share of the depth worn off in a step that the bodies may answer by another pressure is at most
+# one: beyond it a point would wear until it is open, where it has only got lighter. In the mean of all
+# points it is less.
+ANSWERED = 0.3
+
+# What a step is shortened by at least: pressures that have become zero do not say by how much.
+FAR_TOO_LONG = 4.0
+
+WEAR_ROUNDS = 20
 
 logger = logging.getLogger("skfem_contact")
 
@@ -111,19 +122,17 @@ def advance(
     by: Stepper,
     step: LoadStep,
     doubt: Callable[[Attempt, bool], bool] | None = None,
-    begin: list[str] | None = None,
 ) -> Advance:
     """Solve a load step, in parts where it fails; the last attempt says whether it arrived.
 
     `doubt(attempt, False)` is asked where the whole step has failed, whether to leave it at that, and
-    `doubt(attempt, True)` where smaller steps have failed as well. `begin` are the starts of the first
-    attempt, by default all that there are.
+    `doubt(attempt, True)` where smaller steps have failed as well.
     """
     interface = by.model.interface
     so_far = Advance(np.zeros((2, len(interface.names))))
     parts = Bisection(by.options.max_cuts, SHORTER**by.options.max_cuts)
     part = step  # that is attempted: from where the parts before it have come to
-    starts = begin or by.starts_from(step.known)
+    starts = by.starts_from(step.known)
     freed: Attempt | None = None  # of pivoting, which has left a motion free
     while True:
         aim = parts.aim
@@ -151,9 +160,11 @@ def advance(
             parts.go_on(attempt.travel)
         elif freed is not None:
             return so_far
-        elif "pivoting" in starts and left_free(by, attempt):
+        elif "pivoting" in starts and attempt.outcome.free is not None and by.complete:
+            # smaller steps would end there too; the machine says how much of this one is carried
             freed = attempt if starts[0] == "pivoting" else None
-            starts = _where_free(starts)
+            rest = ("pulled",) if freed else ("pivoting", "pulled")
+            starts = [start for start in starts if start in rest]
             if not starts:
                 return so_far
         elif len(starts) > 1 and not (limit or attempt.failure or attempt.stopped):
@@ -189,20 +200,6 @@ def _first_held(by: Stepper, part: LoadStep, starts: list[str]) -> Attempt | Non
             starts.pop(0)
 
 
-def _where_free(starts: list[str]) -> list[str]:
-    """Return where to begin after an attempt that left a motion free.
-
-    Smaller steps would end there too; the machine says how much of this one is carried.
-    """
-    rest = ("pulled",) if starts[0] == "pivoting" else ("pivoting", "pulled")
-    return [start for start in starts if start in rest]
-
-
-def left_free(by: Stepper, attempt: Attempt) -> bool:
-    """Return whether an attempt left a motion free where pivoting finds what there is."""
-    return attempt.outcome.free is not None and by.complete
-
-
 def grown(share: float, travel: float) -> float:
     """The share to try after a success: twice as much, but no further than points may slide."""
     return share * min(LONGER, AIM / travel if travel > 0 else LONGER)
@@ -232,78 +229,18 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
         grown = np.divide(volume, area, out=np.zeros_like(volume), where=area > 0)
         change = last.wear + grown - depth
         left, size = float(np.linalg.norm(change)), float(np.linalg.norm(grown))
-        relief = Relief.of(interface, attempt)
-        if relief is not None:
-            share = max(share, relief.share) if number < 2 else share
-        elif number == 1:
-            share = left / before / ANSWERED_BY_SECANTS if before > 0 else 0.0
+        if number == 1 and before > 0:
+            share = left / before / ANSWERED
         if share > 1.0:
             words = f"its wear would change the pressures {share:.2g} times as much as they may"
-            # where pressures have become zero how far the step is too long is not known
-            far = share if relief is not None else max(share, FAR_TOO_LONG)
-            return replace(attempt, failure=words, travel=max(attempt.travel, far))
+            return replace(attempt, failure=words, travel=max(attempt.travel, share, FAR_TOO_LONG))
         if left <= max(GIVEN * size, COMPUTED * float(np.linalg.norm(depth))):
             local = replace(attempt.local, wear=last.wear + grown, worn=last.worn + volume)
             return replace(attempt, local=local, travel=max(attempt.travel, share))
         before, start = left, "warm"
-        depth = secant.next(depth, depth + change) if relief is None else depth + relief.settle(change)
+        depth = secant.next(depth, depth + change)
         step = replace(step, known=attempt.state)
     return replace(attempt, failure=f"the depth worn off did not settle in {WEAR_ROUNDS} rounds")
-
-
-@dataclass(frozen=True, eq=False)
-class Relief:
-    """The relief of closed points by a depth that wears off them.
-
-    Attributes
-    ----------
-    points : ndarray of bool, shape (m,)
-        Closed ones that slip, k of them.
-    c : ndarray, shape (k,)
-        Depth per force [length/force].
-    S : ndarray, shape (k, k)
-        Force per depth [force/length].
-    """
-
-    points: Mask
-    c: Array
-    S: Array
-
-    @classmethod
-    def of(cls, interface: Interface, attempt: Attempt) -> Relief | None:
-        """At the end of an attempt; None where the contact problem has no matrix of its own."""
-        space, local = attempt.problem.points, attempt.local
-        if space is None:
-            return None
-        closed = (local.status != OPEN) & (space.normal_rows >= 0)
-        c = 0.5 * volumes(interface, np.ones(len(closed)), _way(attempt))
-        c = np.divide(c, local.area, out=np.zeros_like(c), where=local.area > 0)
-        points = closed & (c > 0)
-        stuck = (local.status == STICK)[:, None] & (space.tangential_rows >= 0)
-        held = np.concatenate([space.normal_rows[closed], space.tangential_rows[stuck]])
-        free = np.setdiff1d(np.arange(len(space.S)), held)
-        own = space.normal_rows[points]
-        S = space.S[np.ix_(own, own)]
-        try:
-            follow = cholesky(space.S[np.ix_(free, free)]).solve(space.S[np.ix_(free, own)])
-        except LinAlgError:  # bodies that friction alone holds: as if nothing slipped
-            follow = np.zeros((len(free), len(own)))
-        S = S - space.S[np.ix_(own, free)] @ follow
-        return cls(points, c[points], 0.5 * (S + S.T))
-
-    @property
-    def share(self) -> float:
-        """The largest eigenvalue of ``c S``."""
-        root = np.sqrt(self.c)
-        values = np.linalg.eigvalsh(root[:, None] * self.S * root)
-        return float(np.max(values, initial=0.0))
-
-    def settle(self, change: Array) -> Array:
-        """The change of depths (m,) that comes of one that the forces do not answer yet."""
-        out = change.copy()
-        matrix = np.eye(len(self.c)) + self.c[:, None] * self.S
-        out[self.points] = np.linalg.solve(matrix, change[self.points])
-        return out
 
 
 def _with_depth(by: Stepper, step: LoadStep, start: str, depth: Array) -> Attempt:
@@ -320,17 +257,12 @@ def _way(attempt: Attempt) -> Array:
 
 
 def worn_volume(interface: Interface, last: LocalState, new: LocalState, way: Array) -> Array:
-    """Volume worn off each point between two states, (m,).
+    """Volume worn off each point between two states, by the laws of all contacts, (m,).
 
     The mean of the forces at both ends, zero at open points, on a way (m,).
     """
     pressing = [np.where(s.status != OPEN, np.maximum(s.normal_force, 0.0), 0.0) for s in (last, new)]
-    return volumes(interface, 0.5 * (pressing[0] + pressing[1]), way)
-
-
-def volumes(interface: Interface, force: Array, way: Array) -> Array:
-    """Volume worn off by forces (m,) on ways (m,), by the laws of all contacts."""
-    volume = np.zeros(len(force))
+    force, volume = 0.5 * (pressing[0] + pressing[1]), np.zeros(len(way))
     for part, law in interface.wear:
         volume[part] = law.volume(force[part], way[part])
     return volume

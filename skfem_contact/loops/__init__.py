@@ -1,13 +1,11 @@
 """The nonlinear iterations: which points are open, stick and slip.
 
-* `step`: what loops are given and return;
-* `complementarity`: how points change, where supports prescribe slips too, how far a state is off, and
-  how far to go at a time;
+* `step`: what loops are given and return, how points change, where supports prescribe slips too, how
+  far a state is off, and how far to go at a time;
 * `active_set`: the loops, the linear conditions of an iteration, and the points that hold a body in it;
 * `multipliers`: springs that lose their strain, where forces are not unique;
 * `driver`: the loops by name and limits, and what counts, logs and stops them;
 * `starts`, `lemke`, `pulled`: where iterations begin, and what is carried at most;
-* `thresholds`: numbers, and where they come from.
 """
 
 from typing import TYPE_CHECKING
@@ -24,10 +22,9 @@ __getattr__, __dir__ = entrances(
     __all__,
     {
         "active_set": "direct fictitious linear_conditions newton stabilise",
-        "complementarity": "Projection friction_of_prescribed_slip",
         "driver": "LOOPS Stagnation drive",
         "pulled": "At",
         "starts": "admissible as_guess natural_state possible_starts starting_values",
-        "step": "Guess Record Step",
+        "step": "Guess Projection Record Step friction_of_prescribed_slip",
     },
 )

@@ -14,7 +14,7 @@ raises. Loops keep nothing between calls.
 
 All reach the same solution. Open and closed points change by the same rule: a closed point in tension
 opens, an open one that penetrates closes. How far an iteration goes is told by `LineSearch`. The
-tangential stiffness that each loop needs is in `STIFFNESS` of `skfem_contact.conditions.thresholds`.
+tangential stiffness that each loop needs is `STIFFNESS` of `skfem_contact.conditions.interface`.
 
 **The linear conditions of one iteration** are those of the statuses, with the derivative of the return
 map. At a point that slips, friction is ``tau = P(t, lambda, s)``, with the return map P under a trial
@@ -41,20 +41,25 @@ from functools import partial
 import numpy as np
 
 from skfem_contact.arrays import Array, Index, Mask, lengths
+from skfem_contact.conditions.friction import BEYOND
 from skfem_contact.conditions.friction_rule import grows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
-from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import DECIMALS, GIVEN, ROUND_OFF, SINGLE
 from skfem_contact.linalg.krylov import Anderson
-from skfem_contact.loops.complementarity import LineSearch, Projection, largest_force
 from skfem_contact.loops.multipliers import Iteration, through_springs
-from skfem_contact.loops.step import Guess, Iterate, Step
-from skfem_contact.loops.thresholds import (
-    BETWEEN,
-    FREE_CHANGES,
-)
+from skfem_contact.loops.step import Guess, Iterate, LineSearch, Projection, Step, largest_force
 from skfem_contact.problem.response import Conditions, odd_round_off
 from skfem_contact.records import dataclass
+
+# In the loop `fictitious` points open and close freely so often; after that only once the friction of
+# the present set has settled (to `GIVEN` of the largest force), or a point could open and close for
+# ever because of friction forces that lag behind.
+FREE_CHANGES = 12
+
+# Where in a unit of the last of `DECIMALS` by which points are told apart one number begins and the
+# other ends: at no fraction that meshes have. At a half it is at 2^-10, among others, and round-off
+# tells equal points apart.
+BETWEEN = (3 - 5**0.5) / 2
 
 
 def newton(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:

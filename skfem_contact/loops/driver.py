@@ -9,12 +9,13 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from skfem_contact.arguments import number, with_known_keywords
-from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.loops.active_set import direct, fictitious, newton
 from skfem_contact.loops.step import Guess, Iterate, Record, Step
-from skfem_contact.loops.thresholds import NEWTON_ITERATIONS
 from skfem_contact.records import dataclass
+
+# Iterations that Newton may take where another loop begins from its answer.
+NEWTON_ITERATIONS = 80
 
 logger = logging.getLogger("skfem_contact")
 
@@ -180,7 +181,7 @@ def drive(
         record = _record(len(trace) + 1, step, iterate)
         trace.append(record)
         logger.debug("%s", record)
-        if not (math.isfinite(iterate.residual) and _finite(iterate.response.solution)):
+        if not (math.isfinite(iterate.residual) and np.isfinite(iterate.response.solution).all()):
             message = "the linear solve returned numbers that are not finite"
             break
         if iterate.converged:
@@ -230,22 +231,11 @@ class Stagnation:
         return self.waited >= patience
 
 
-def _finite(values: np.ndarray) -> bool:
-    return np.count_nonzero(np.isfinite(values)) == values.size
-
-
 def _record(number: int, step: Step, iterate: Iterate) -> Record:
     paired = iterate.status if step.all_paired else iterate.status[step.paired]
-    counts = np.bincount(paired, minlength=3)
-    return Record(
-        number,
-        int(counts[OPEN]),
-        int(counts[STICK]),
-        int(counts[SLIP]),
-        iterate.changes,
-        iterate.residual,
-        iterate.note,
-    )
+    opened, stick, slip = np.bincount(paired, minlength=3).tolist()
+    last = iterate.changes, iterate.residual, iterate.note
+    return Record(number, opened, stick, slip, *last)
 
 
 @dataclass(frozen=True)

@@ -31,12 +31,16 @@ from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF, SOLVED
 from skfem_contact.elimination.thresholds import AGREEMENT
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.krylov import gmres
-from skfem_contact.loops.complementarity import Projection, largest_force
-from skfem_contact.loops.step import Guess, Iterate, Step
-from skfem_contact.loops.thresholds import MOST_MOVES, SLOW
+from skfem_contact.loops.step import Guess, Iterate, Projection, Step, largest_force
 from skfem_contact.problem.response import Response
 from skfem_contact.problem.springs import least_friction
 from skfem_contact.records import dataclass
+
+# Solves at most until springs have come to rest: moves, and GMRES where rows nearly depend on others.
+MOST_MOVES = 40
+
+# Share of the last change of forces beyond which the next one shows that rows contradict each other.
+SLOW = 0.5
 
 Iteration = Callable[[Step, Guess, float], Iterator[Iterate]]
 
@@ -102,11 +106,7 @@ def through_springs(
         nearer = size_of(change) < least  # strains that fall are progress
         least = min(least, size_of(change))
         yield replace(iterate, converged=False, note="springs have a strain", nearer=nearer)
-        if rest is None and not iterate.conditions.gives:  # which turn with the forces
-            trial = _trial(loop, step, iterate, tolerance)
-            if trial is not None:
-                yield with_least_friction(step, trial)
-        elif slow and size_of(change - before) <= GIVEN * size_of(change):
+        if slow and size_of(change - before) <= GIVEN * size_of(change):
             _check(step, change)
             share = _until_one_changes(step, iterate, p, change)
             if share >= 1.0 / GIVEN:
@@ -152,19 +152,6 @@ def _until_one_changes(step: Step, iterate: Iterate, p: Array, growth: Array) ->
             middle = 0.5 * (least + most)
             least, most = (least, middle) if slips(middle) else (middle, most)
     return max(most, 0.0)
-
-
-def _trial(loop: Iteration, step: Step, iterate: Iterate, tolerance: float) -> Iterate | None:
-    """The answer that springs come to under the conditions of an iterate, if they still hold then."""
-    found = rested(step, iterate)
-    if found.strained:
-        _check(step, found.growth)
-        return None
-    there = replace(iterate, response=found.response)
-    at, guess = _moved_to(step, _forces(found.response), there)
-    again = next(loop(at, guess, tolerance))
-    change = _forces(again.response) - _forces(found.response)
-    return again if again.converged and _lost(step, again, change, True) else None
 
 
 def _moved_to(step: Step, p: Array, iterate: Iterate) -> tuple[Step, Guess]:

@@ -28,14 +28,15 @@ from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import GIVEN, ROUND_OFF, SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.loops.active_set import newton
-from skfem_contact.loops.complementarity import Projection
 from skfem_contact.loops.driver import Outcome, drive
-from skfem_contact.loops.step import Guess, Record, Step
-from skfem_contact.loops.thresholds import HALVINGS, IN_SERIES
+from skfem_contact.loops.step import HALVINGS, Guess, Projection, Record, Step
 from skfem_contact.problem.points import PointSpace, on_rows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response
 from skfem_contact.problem.seam import ContactProblem
 from skfem_contact.records import dataclass
+
+# Iterations for a problem with springs in series or on the machine, and for the step itself from there.
+IN_SERIES = 25
 
 
 class LoadingMachine:

@@ -33,23 +33,30 @@ from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState, State
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.loops.active_set import newton
-from skfem_contact.loops.driver import Outcome, drive
-from skfem_contact.loops.pulled import Carried, after, pulled
+from skfem_contact.loops.driver import NEWTON_ITERATIONS, Outcome, drive
+from skfem_contact.loops.pulled import IN_SERIES, Carried, after, pulled
 from skfem_contact.loops.step import Guess, Record, Step
-from skfem_contact.loops.thresholds import (
-    EASED,
-    IN_SERIES,
-    MOST_IN_SERIES,
-    MOST_POINTS,
-    NEAR,
-    NEWTON_ITERATIONS,
-    RISES,
-    SOFTEST,
-    TOO_SOFT,
-)
 from skfem_contact.problem.response import Load, Resistance
 from skfem_contact.problem.seam import ContactProblem
 from skfem_contact.records import dataclass
+
+# More points than this are left to step cutting: the tableau has 4 m rows and 8 m columns.
+MOST_POINTS = 250
+
+# Softness of the springs in series over that of the points: at first; and what it is divided by after
+# each answer. Where one is not found it is multiplied by the root of that, and divided by no more from
+# then on. On 168 load steps with coefficients of 3, 10 and 100 that Newton had failed at, values of
+# twice and half as much do as well.
+SOFTEST, EASED = 30.0, 4.0
+
+# Share by which forces change at most from one problem to the next before the problem itself is tried;
+# and iterations for the whole chain, which took 100 on the mean and more than this in two of those load
+# steps. Where no softness helps, nothing is to be found.
+NEAR, MOST_IN_SERIES, TOO_SOFT = 0.1, 600, 1e4
+
+# Friction over the normal force where bounds that jump are made to rise: pressures on the rise are a
+# thousandth of the bound, and where an answer is found from there, a hundred thousandth.
+RISES = (1e3, 1e5)
 
 # Where an attempt at a load step begins, in this order.
 STARTS = ("warm", "cold", "newton", "pivoting", "pulled", "proximal")
@@ -135,39 +142,28 @@ def starting_values(
     before : callable, optional
         Gives the load at which the step begins, for ``"pulled"``.
     """
-    found = _start(start, as_guess(known), step, tolerance, loop, dense, before)
-    found.guess = admissible(found.guess, step)
-    return found
-
-
-def _start(
-    start: str,
-    guess: Guess,
-    step: Step,
-    tolerance: float,
-    loop: str,
-    dense: Step,
-    before: Callable[[], Load] | None,
-) -> Start:
+    found, guess = None, as_guess(known)
     if start == "warm":
-        return Start(guess)
-    if start == "newton":
-        return Start(*_by_newton(guess, step, tolerance))
-    if start == "pivoting":
+        found = Start(guess)
+    elif start == "newton":
+        found = Start(*_by_newton(guess, step, tolerance))
+    elif start == "pivoting":
         from skfem_contact.loops.lemke import lemke_guess  # few steps come to this start
 
         pivoted = lemke_guess(dense, guess)
         if pivoted is not None:
-            return Start(*_by_newton(pivoted, step, tolerance)) if loop == "direct" else Start(pivoted)
-    if start == "proximal":
-        return Start(*proximal(dense, admissible(guess, dense), tolerance))
-    if start == "pulled" and before is not None:
+            found = Start(*_by_newton(pivoted, step, tolerance)) if loop == "direct" else Start(pivoted)
+    elif start == "proximal":
+        found = Start(*proximal(dense, admissible(guess, dense), tolerance))
+    elif start == "pulled" and before is not None:
         guess, spent, carried = pulled(dense, before(), admissible(guess, dense), tolerance)
-        return Start(guess, spent, carried=carried)
-    if start == REGULARISED:
+        found = Start(guess, spent, carried=carried)
+    elif start == REGULARISED:
         guess, shares = from_regularised(dense, admissible(guess, dense), tolerance)
-        return Start(guess, stateless=shares if shares.any() else None)
-    return Start(_cold(step))
+        found = Start(guess, stateless=shares if shares.any() else None)
+    found = found or Start(_cold(step))
+    found.guess = admissible(found.guess, step)
+    return found
 
 
 def _by_newton(guess: Guess, step: Step, tolerance: float) -> tuple[Guess, Outcome]:

@@ -36,13 +36,12 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.arguments import numbers
 from skfem_contact.arrays import Array, Index, Mask, check_size, largest, lengths, unit_vectors
 from skfem_contact.bodies.system import System
-from skfem_contact.conditions.friction import FrictionLaw
+from skfem_contact.conditions.friction import BEYOND, FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import combined_rows, tangential_matrix
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
-from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import SOLVED
 from skfem_contact.elimination.constraint import AffineConstraint, eliminate
 from skfem_contact.errors import InputError
