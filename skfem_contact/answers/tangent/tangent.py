@@ -46,7 +46,7 @@ from skfem_contact.digits import SOLVED
 from skfem_contact.elimination.constraint import AffineConstraint, eliminate
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.loops.complementarity import largest_force
+from skfem_contact.loops.step import largest_force
 from skfem_contact.problem.response import Conditions, Response, Source
 from skfem_contact.problem.zone import Zone, Zones
 
