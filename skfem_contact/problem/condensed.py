@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import LinAlgError
-from scipy.sparse import csr_matrix, diags
+from scipy.sparse import csr_matrix
 
 from skfem_contact.arrays import Array, Mask, block_diagonal
 from skfem_contact.conditions.loads import LoadCase
@@ -41,7 +41,7 @@ from skfem_contact.problem.response import Conditions, Load, Resistance, Respons
 from skfem_contact.problem.seam import ContactProblem, OnContactDofs, PosedOn
 from skfem_contact.problem.springs import point_resistance, resistance_by, spring_compliance
 from skfem_contact.problem.substructure import Components, Substructure, Substructures
-from skfem_contact.problem.thresholds import RECOVERED_AT_ONCE, STIFFER
+from skfem_contact.problem.thresholds import RECOVERED_AT_ONCE
 from skfem_contact.problem.zone import Compliance, Zones
 
 
@@ -69,14 +69,6 @@ class Condensed(Substructures[Substructure]):
             for part, span in zip(self.substructures, self.column_spans, strict=True)
         ]
         return np.concatenate(pieces)
-
-    def row_flexibility(self, rows: csr_matrix) -> Array:
-        """Sparse rows over the contact DOFs times ``F``, (r, n_c) -> (r, n_c)."""
-        pieces = [
-            columns_of(rows, span) @ part.flexibility
-            for part, span in zip(self.substructures, self.column_spans, strict=True)
-        ]
-        return np.concatenate(pieces, axis=1)
 
     def compliance(self, G: csr_matrix) -> Array:
         """``G F G'`` for sparse rows over the contact DOFs, (r, n_c) -> (r, r)."""
@@ -184,7 +176,6 @@ class PointProblem(OnContactDofs):
 
     def __init__(self, bodies: Condensed, on: PosedOn) -> None:
         super().__init__(bodies, on)
-        self._every = not self.slips or bool(on.slipping[on.kin.paired].all())  # that have slips
         if bodies.P.size:
             self.G = stacked_rows([self.G, bodies.anchor_rows])
         W = bodies.compliance(self.G)
@@ -200,10 +191,7 @@ class PointProblem(OnContactDofs):
             if on.independent is not None and on.independent():
                 self._take_all()
             else:
-                softness = bodies.softness
-                self.springs = spring_compliance(
-                    self.rows, self.slips, lambda B: B.multiply(B) @ softness
-                )
+                self.springs = spring_compliance(self.rows, self.slips, bodies.softness)
                 self._give_way(self.springs, self.springs[:, None])
                 self.unknowns = 0
         # what follows from loads that have one component, of so many as there were of each kind
@@ -242,12 +230,9 @@ class PointProblem(OnContactDofs):
 
         Where points are seen through springs, what its own DOFs resist: anchors depend on numbering.
         """
-        if self.springs is None and self._every:
-            return resistance_by(self.compliance.W, self.normal_rows, self.tangential_rows)
         if self.springs is None:
-            return point_resistance(self.rows, self.slips, self.bodies.row_flexibility)
-        given = diags(STIFFER * self.bodies.softness)
-        return point_resistance(self.rows, self.slips, lambda rows: rows @ given)
+            return resistance_by(self.compliance.W, self.normal_rows, self.tangential_rows)
+        return point_resistance(self.rows, self.slips, self.bodies.softness)
 
     def load(self, case: LoadCase) -> Load:
         """A load case on gaps and slips."""

@@ -38,7 +38,7 @@ from skfem_contact.problem.response import Conditions, Load, Resistance, Respons
 from skfem_contact.problem.seam import OnContactDofs, PosedOn
 from skfem_contact.problem.sparse import DependentRows
 from skfem_contact.problem.springs import point_resistance
-from skfem_contact.problem.thresholds import ROUGHLY, STIFFER
+from skfem_contact.problem.thresholds import ROUGHLY
 from skfem_contact.problem.whole import Layers, Whole
 from skfem_contact.records import dataclass
 
@@ -172,9 +172,7 @@ class OnForces(OnContactDofs):
     @cached_property
     def resistance(self) -> Resistance:
         """Return what each point resists by itself, by the diagonal of K."""
-        return point_resistance(
-            self.rows, self.slips, lambda rows: STIFFER * self.layers.flexibility(rows)
-        )
+        return point_resistance(self.rows, self.slips, self.layers.softness)
 
     def in_series(self: P, C: Resistance) -> P:
         """The same problem with springs of the stiffness C in series with its points."""

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag as dense_block_diag
-from scipy.sparse import block_diag, csr_matrix, diags
+from scipy.sparse import block_diag, csr_matrix
 
 from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.remote import RemoteStiffness
@@ -22,7 +22,6 @@ from skfem_contact.problem.response import Conditions, Load, Resistance, Respons
 from skfem_contact.problem.seam import ContactProblem, PosedOn
 from skfem_contact.problem.sparse import DependentRows, DisplacementsInSeries, SparseSpace
 from skfem_contact.problem.springs import point_resistance, spring_compliance
-from skfem_contact.problem.thresholds import STIFFER
 
 logger = logging.getLogger("skfem_contact")
 
@@ -87,8 +86,7 @@ class FullProblem(ContactProblem):
     @cached_property
     def resistance(self) -> Resistance:
         """Return what each point resists by itself, by K's diagonal."""
-        given = STIFFER * self._softness
-        return point_resistance(self.kin, self.slips, lambda rows: rows @ diags(given))
+        return point_resistance(self.kin, self.slips, self._softness)
 
     @cached_property
     def _softness(self) -> Array:
@@ -131,9 +129,7 @@ class FullProblem(ContactProblem):
     def _compliance(self) -> Array:
         """Say that of the springs of the problem, by K's diagonal."""
         free = np.setdiff1d(np.arange(len(self._softness)), self.space.D)
-        softness = self._softness[free]
-        rows = without_columns(self.kin, free)
-        return spring_compliance(rows, self.slips, lambda B: B.multiply(B) @ softness)
+        return spring_compliance(without_columns(self.kin, free), self.slips, self._softness[free])
 
     def load(self, case: LoadCase) -> Load:
         """The load case as it stands."""

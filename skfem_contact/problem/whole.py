@@ -203,22 +203,18 @@ class Layers:
             for part, span in parts
             if isinstance(part.body, Body) and len(part.columns)
         ]
-        self._softness = np.zeros(len(bodies.columns))
+        self.softness = np.zeros(len(bodies.columns))
         for layer, span in self._layers:
-            self._softness[span] = 1.0 / layer.diagonal
+            self.softness[span] = 1.0 / layer.diagonal
 
     def compliance(self, G: csr_matrix) -> Array:
         """Of each row by the diagonal of K; of rows between rigid bodies that of the others, (r,)."""
-        own = np.asarray(G.multiply(G) @ self._softness).ravel()
+        own = np.asarray(G.multiply(G) @ self.softness).ravel()
         return np.where(own > 0, own, own.max(initial=0.0) or 1.0)
-
-    def flexibility(self, rows: csr_matrix) -> csr_matrix:
-        """Rows (r, n_c) times the flexibility of the contact DOFs by the diagonal of K."""
-        return csr_matrix(rows @ diags(self._softness))
 
     def independent(self, G: csr_matrix, points: Array) -> bool:
         """Whether rows (r, n_c) do not depend on each other; `points` (r, d) is where each acts."""
-        Q = csr_matrix(G @ diags(self._softness) @ G.T)
+        Q = csr_matrix(G @ diags(self.softness) @ G.T)
         deforms = Q.diagonal() > 0
         if not _independent(csr_matrix(G[~deforms])):
             return False
@@ -231,7 +227,7 @@ class Layers:
 
     def stiffness(self, G: csr_matrix) -> Callable[[Array], Array]:
         """Forces on some rows (r, n_c) that hold them at gaps and slips, (r,) -> (r,)."""
-        shared = csr_matrix(G @ diags(self._softness))
+        shared = csr_matrix(G @ diags(self.softness))
         Q = csr_matrix(shared @ G.T)
         alone = Q.diagonal() == 0.0
         # as LU of a symmetric matrix: half the time of the order that knows nothing of it
