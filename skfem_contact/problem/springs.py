@@ -147,7 +147,7 @@ def point_resistance(kin: Kinematics, slips: bool, softness: Array) -> Resistanc
         As of `spring_compliance`.
     """
     of_normals, of_tangents = (
-        STIFFER * np.moveaxis([[A.multiply(B) @ softness for B in rows] for A in rows], 2, 0)
+        STIFFER * np.array([[A.multiply(B) @ softness for B in rows] for A in rows]).transpose(2, 0, 1)
         for rows in ([kin.B_n], _tangential(kin) if slips else [kin.B_n])
     )
     return _resistance(of_normals, of_tangents)
