@@ -22,9 +22,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from copy import copy
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -34,10 +33,10 @@ from skfem_contact.digits import SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import lu
 from skfem_contact.linalg.krylov import Iterated, gmres
+from skfem_contact.problem.full import DependentRows
 from skfem_contact.problem.response import Conditions, Load, Resistance, Response, friction_force
 from skfem_contact.problem.seam import OnContactDofs, PosedOn
-from skfem_contact.problem.sparse import DependentRows
-from skfem_contact.problem.springs import point_resistance
+from skfem_contact.problem.springs import independent, point_resistance
 from skfem_contact.problem.thresholds import ROUGHLY
 from skfem_contact.problem.whole import Layers, Whole
 from skfem_contact.records import dataclass
@@ -138,9 +137,6 @@ def _times(A: Array, x: Array) -> Array:
     return np.asarray(np.einsum("ikl,il->ik", A, x))
 
 
-P = TypeVar("P", bound="OnForces")
-
-
 class OnForces(OnContactDofs):
     """A contact problem on forces.
 
@@ -148,6 +144,8 @@ class OnForces(OnContactDofs):
     ----------
     own : ndarray, shape (q,)
         Stiffness of each row by itself, by the diagonal of K [force/length].
+    bare : ndarray, shape (q,)
+        The same without springs in series.
     FP : ndarray, shape (n_c, k)
         What the springs on the anchors do to the contact DOFs.
     iterations : list of int
@@ -161,12 +159,12 @@ class OnForces(OnContactDofs):
     def __init__(self, bodies: Whole[Any], on: PosedOn) -> None:
         super().__init__(bodies, on)
         self.layers = Layers(bodies)
-        if not self.layers.independent(self.G, self._positions()):
+        if not independent(self.G, self.layers.softness):  # as slips are that only rigid bodies make
             raise DependentRows  # they are solved with all DOFs
-        self.own = 1.0 / self.layers.compliance(self.G)
+        self.own = self.bare = 1.0 / (self.G.multiply(self.G) @ self.layers.softness)
         self._share = np.ones(self.q)
-        columns = [bodies.flexibility(column) for column in bodies.P.T]
-        self.FP = np.column_stack(columns) if columns else bodies.P
+        columns = [bodies.flexibility(column) for column in bodies.P.T.toarray()]
+        self.FP = np.column_stack(columns) if columns else np.zeros(bodies.P.shape)
         self.iterations: list[int] = []
 
     @cached_property
@@ -174,14 +172,11 @@ class OnForces(OnContactDofs):
         """Return what each point resists by itself, by the diagonal of K."""
         return point_resistance(self.rows, self.slips, self.layers.softness)
 
-    def in_series(self: P, C: Resistance) -> P:
-        """The same problem with springs of the stiffness C in series with its points."""
-        new = copy(self)
-        new.give = self.on_rows(1.0 / C.normal, 1.0 / C.tangential[:, None])
-        new._share = 1.0 / (1.0 + self.own * new.give)
-        new.own = self.own * new._share
-        new._begin_anew()
-        return new
+    def _give_way(self, normal: Array, tangential: Array) -> None:
+        self.give = self.on_rows(normal, tangential)
+        self._share = 1.0 / (1.0 + self.bare * self.give)
+        self.own = self.bare * self._share
+        self._begin_anew()
 
     def _begin_anew(self) -> None:
         super()._begin_anew()
@@ -197,14 +192,6 @@ class OnForces(OnContactDofs):
             bare, share = self.layers.stiffness(csr_matrix(self.G[rows])), np.sqrt(self._share[rows])
             self._stiffness = rows, lambda z: share * bare(share * z)
         return self._stiffness[1]
-
-    def _positions(self) -> Array:
-        """Return where the point of each row is, (r, d)."""
-        points = np.zeros((self.G.shape[0], self.kin.points.shape[1]))
-        for rows in (self.normal_rows[:, None], self.tangential_rows):
-            point, column = np.nonzero(rows >= 0)
-            points[rows[point, column]] = self.kin.points[point]
-        return points
 
     def held(self, conditions: Conditions, load: Load) -> Held:
         """The rows on which contact acts."""

@@ -21,14 +21,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix, csr_matrix, diags
 
-from skfem_contact.arrays import Array
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.system import System, slices
+from skfem_contact.bodies.system import slices
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import SOLVED
 from skfem_contact.linalg.amg import (
@@ -41,11 +41,9 @@ from skfem_contact.linalg.amg import (
 )
 from skfem_contact.once import once
 from skfem_contact.problem.forces import HeldForces, OnForces, could_not
-from skfem_contact.problem.full import FullProblem, FullSystem
+from skfem_contact.problem.full import DependentRows, FullProblem, FullSystem
 from skfem_contact.problem.response import Conditions, Load, Response, Source
 from skfem_contact.problem.seam import ContactProblem, PosedOn
-from skfem_contact.problem.sparse import DependentRows
-from skfem_contact.problem.substructure import Substructure
 from skfem_contact.problem.thresholds import CLOSER, ITERATED, MOST_PRODUCTS, ROUNDING
 from skfem_contact.problem.whole import Whole, WholeBody
 
@@ -57,14 +55,9 @@ class IteratedBodies(Whole[WholeBody]):
 
     kind = WholeBody
 
-    def attach(self, on: PosedOn, prefer: NDArray[np.bool_], labels: Sequence[str]) -> ContactProblem:
+    def attach(self, on: PosedOn) -> ContactProblem:
         """The contact problem on one pairing."""
-        try:
-            return IteratedProblem(self, on)
-        except DependentRows:  # a corner, a chain
-            logger.info("contact rows depend on each other: solved with all DOFs")
-            full = FullSystem(self.system, self.stiffness, self.backend)
-            return FullProblem(full, on, prefer, labels)
+        return _attached(self, on, IteratedProblem)
 
 
 class IteratedProblem(OnForces):
@@ -142,7 +135,7 @@ class GridBody(WholeBody):
     def K_free(self) -> csr_matrix | bsr_matrix:
         """K on the free DOFs, with springs on the anchors; in blocks where these take fewer bytes."""
         springs = np.zeros(self.body.n)
-        springs[self.anchors] = np.diag(self.springs) ** 2
+        springs[self.anchors] = self.springs
         K = csr_matrix(self.K[self.free][:, self.free] + diags(springs[self.free]))
         size = self.body.dof_points.shape[1]
         if len(self.free) % size:
@@ -169,30 +162,28 @@ class GridBody(WholeBody):
 class MultigridBodies(Whole[GridBody]):
     """Bodies by their matrices and multigrid, and the contact problem put upon them.
 
-    Parameters
-    ----------
-    system, stiffness, wanted, reuse
-        As of `Substructures`.
-    settings : AMG
-        Tolerance and most iterations.
+    The backend is an `AMG`: its tolerance, and its most iterations.
     """
 
     kind = GridBody
 
-    def __init__(
-        self,
-        system: System,
-        stiffness: Sequence[csr_matrix],
-        wanted: NDArray[np.intp],
-        reuse: Sequence[Substructure | None] = (),
-        settings: AMG | None = None,
-    ) -> None:
-        super().__init__(system, stiffness, wanted, reuse)
-        self.settings = settings or AMG()
-        parts = self.substructures
-        self.free_spans = slices(np.cumsum([0, *(len(part.free) for part in parts)]))
-        self.free = np.concatenate([s.start + p.free for p, s in zip(parts, self.spans, strict=True)])
-        self.place = np.searchsorted(self.free, self.columns)  # contact DOFs among the free ones
+    usual = AMG
+
+    @once
+    def free_spans(self) -> list[slice]:
+        """The free DOFs of each body among those of all."""
+        return slices(np.cumsum([0, *(len(part.free) for part in self.substructures)]))
+
+    @once
+    def free(self) -> Index:
+        """The free DOFs among all."""
+        parts = zip(self.substructures, self.spans, strict=True)
+        return np.concatenate([span.start + part.free for part, span in parts])
+
+    @once
+    def place(self) -> Index:
+        """The contact DOFs among the free ones."""
+        return np.searchsorted(self.free, self.columns)
 
     @once
     def diagonal(self) -> Array:
@@ -214,13 +205,11 @@ class MultigridBodies(Whole[GridBody]):
         """``F`` times forces on the contact DOFs, (n_c,) -> (n_c,)."""
         f = np.zeros(len(self.free))
         f[self.place] = force
-        u, settings = np.zeros(len(f)), self.settings
+        u, most = np.zeros(len(f)), self.backend.max_iterations
         for part, span in zip(self.substructures, self.free_spans, strict=True):
             if f[span].any():
                 own = part.K_free, f[span], part.grids.cycle
-                u[span] = conjugate_gradients(
-                    *own, ITERATED, settings.max_iterations, to_round_off=True
-                )
+                u[span] = conjugate_gradients(*own, ITERATED, most, to_round_off=True)
         return u[self.place]
 
     def free_load(self, case: LoadCase) -> Array:
@@ -228,14 +217,17 @@ class MultigridBodies(Whole[GridBody]):
         parts = zip(self.substructures, self.spans, strict=True)
         return np.concatenate([part.free_load(case.f[s], case.x[s]) for part, s in parts])
 
-    def attach(self, on: PosedOn, prefer: NDArray[np.bool_], labels: Sequence[str]) -> ContactProblem:
+    def attach(self, on: PosedOn) -> ContactProblem:
         """The contact problem on one pairing."""
-        try:
-            return MultigridProblem(self, on)
-        except DependentRows:  # a corner, a chain
-            logger.info("contact rows depend on each other: they are eliminated in every iteration")
-            full = FullSystem(self.system, self.stiffness, self.settings)
-            return FullProblem(full, on, prefer, labels)
+        return _attached(self, on, MultigridProblem)
+
+
+def _attached(bodies: Whole[Any], on: PosedOn, kind: type[OnForces]) -> ContactProblem:
+    try:
+        return kind(bodies, on)
+    except DependentRows:  # a corner, a chain
+        logger.info("contact rows depend on each other: they are eliminated in every iteration")
+        return FullProblem(FullSystem(bodies.system, bodies.stiffness, bodies.backend), on)
 
 
 class MultigridProblem(OnForces):
@@ -291,7 +283,7 @@ class _Fields(HeldForces):
             They are not found within the tolerance.
         """
         assert load.moved is not None
-        rows, settings = self.held.rows, self.bodies.settings
+        rows, settings = self.held.rows, self.bodies.backend
         known = self.held.known - self.held.equations(load.moved[rows], np.zeros(len(rows)))
         b = np.concatenate([load.force / self.diagonal, self.scale * known, np.zeros(len(q))])
         begin = np.concatenate([u * self.diagonal, p[rows] / self.scale, q])

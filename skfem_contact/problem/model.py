@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from skfem_contact.problem.full import FullSystem
     from skfem_contact.problem.iterated import IteratedBodies, MultigridBodies
 
-    AnyBodies = Condensed | IteratedBodies | MultigridBodies | FullSystem
+    AnyBodies: TypeAlias = Condensed | IteratedBodies | MultigridBodies | FullSystem
 
 
 EVEN_CLOSED = "even with every contact point closed"
@@ -319,8 +319,9 @@ class LinearModel:
         def independent() -> bool:
             return base is not None and base.problem_on(kin, u).springs is None
 
-        on = PosedOn(own, motions, u, self.interface.slipping, independent)
-        return bodies.attach(on, self._prefer, self.labels)
+        return bodies.attach(
+            PosedOn(own, motions, u, self.interface.slipping, self._prefer, independent)
+        )
 
     @property
     def condenses(self) -> bool:

@@ -105,6 +105,8 @@ class PosedOn:
         As of `ContactProblem`.
     slipping : ndarray of bool, shape (m,)
         Points with tangential rows.
+    prefer : ndarray of bool, shape (n,), optional
+        DOFs of the secondary surfaces, which are eliminated first.
     independent : callable, optional
         Says that rows do not depend on each other, whatever the digits of a tangent make of them.
     """
@@ -113,6 +115,7 @@ class PosedOn:
     motions: RigidMotions
     u: Array | None
     slipping: Mask
+    prefer: Mask | None = None
     independent: Callable[[], bool] | None = None
 
 
@@ -172,7 +175,14 @@ class ContactProblem(LinearProblem):
         raise NotImplementedError
 
     def in_series(self, C: Resistance) -> LinearProblem:
-        """The same problem with springs of the stiffness C in series with its points."""
+        """The same problem with springs of the stiffness C in series with its points, and no others."""
+        new = copy(self)
+        new.springs = None  # that are to lose their strain
+        new._give_way(1.0 / C.normal, 1.0 / C.tangential[:, None])
+        return new
+
+    def _give_way(self, normal: Array, tangential: Array) -> None:
+        """See all points through springs of these compliances, (m,) and (m, d-1), and no others."""
         raise NotImplementedError
 
     def load(self, case: LoadCase) -> Load:

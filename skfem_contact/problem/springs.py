@@ -24,14 +24,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, diags
 from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
 
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.digits import COMPUTED
 from skfem_contact.problem.response import Resistance
-from skfem_contact.problem.thresholds import GIVE, STIFFER
+from skfem_contact.problem.thresholds import DEPENDENT, GIVE, STIFFER
 
 
 def spring_compliance(kin: Kinematics, slips: bool, softness: Array) -> Array:
@@ -64,6 +65,31 @@ def spring_compliance(kin: Kinematics, slips: bool, softness: Array) -> Array:
 def _tangential(kin: Kinematics) -> list[csr_matrix]:
     """Rows of the slips along each tangent."""
     return [csr_matrix(kin.B_t[k :: kin.tangents]) for k in range(kin.tangents)]
+
+
+def independent(rows: csr_matrix, softness: Array, size: Array | None = None) -> bool:
+    """Return whether no row depends on others as far as DOFs show that move each by itself.
+
+    Parameters
+    ----------
+    rows : csr_matrix, shape (r, n)
+    softness : ndarray, shape (n,)
+        Of the DOFs. Not above the true flexibility F, it proves it of ``B F B'``: no pivot of that is
+        below that of ``B diag(softness) B'``.
+    size : ndarray, shape (r,), optional
+        What pivots are relative to; by default the diagonal of the latter [length/force].
+    """
+    Q = csr_matrix(rows @ diags(softness) @ rows.T)
+    size = Q.diagonal() if size is None else size
+    if not np.all(size > 0.0):
+        return False
+    scale = diags(1.0 / np.sqrt(size))
+    order = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
+    try:
+        pivots = splu((scale @ Q @ scale).tocsc(), diag_pivot_thresh=0.0, **order).U.diagonal()
+    except RuntimeError:  # exactly singular
+        return False
+    return bool(np.min(pivots, initial=1.0) >= DEPENDENT**2)
 
 
 def least_friction(

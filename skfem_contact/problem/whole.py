@@ -31,7 +31,6 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
-from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import splu
 
@@ -43,7 +42,7 @@ from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky, Surfa
 from skfem_contact.once import once
 from skfem_contact.problem.response import Source
 from skfem_contact.problem.substructure import Components, Substructure, Substructures
-from skfem_contact.problem.thresholds import DEPENDENT, LAYERS, RECOVERED_AT_ONCE
+from skfem_contact.problem.thresholds import LAYERS
 
 
 class WholeBody(Substructure):
@@ -67,34 +66,23 @@ class WholeBody(Substructure):
     def _response(self) -> Surface:
         return self._factor.response(self._place)
 
-    @once
-    def springs(self) -> Array:
-        """Springs to the ground on the anchors, ``P`` with stiffness ``P P'``, shape (k, k).
-
-        As stiff as K itself there: what anchors alone feel of a body that floats may be nothing.
-        """
-        return np.diag(np.sqrt(np.maximum(self.K.diagonal()[self.anchors], self._firm)))
-
-    @property
-    def P(self) -> Array:
-        """Springs to the ground on the anchors over the contact DOFs, (n_c, k)."""
-        P = np.zeros((len(self.columns), len(self.anchors)))
-        P[np.searchsorted(self.columns, self.kept)] = self.springs
-        return P
-
     def respond(self, force: Array) -> Array:
         """``F`` times forces on the contact DOFs, (n_c,) -> (n_c,)."""
         if not len(self.columns):
             return np.zeros(0)
         return self._response(force, self.flexibility)
 
-    def displaced(self, force: Array) -> Array:
-        """Displacements of all free DOFs under forces on them, (n_f, r) -> (n_f, r)."""
-        x = self._factor.eliminate(force)
-        kept = self.flexibility @ x[len(x) - len(self.kept) :]
-        u = np.empty_like(x)
-        u[self._factor.order] = self._factor.substitute(kept, x)
-        return u
+    def recover(
+        self,
+        force: Array,
+        components: Sequence[Components | None],
+        loads: Sequence[tuple[Array, Array]],
+    ) -> Array:
+        """Displacements of the DOFs `order` (n_f, r) under forces on the contact DOFs and loads."""
+        f = np.column_stack([self.free_load(*load) for load in loads])
+        f[self._place] += force
+        x = self._factor.eliminate(f)
+        return self._factor.substitute(self.flexibility @ x[len(x) - len(self.kept) :], x)
 
 
 W = TypeVar("W", bound=WholeBody)
@@ -110,43 +98,11 @@ class Whole(Substructures[W]):
 
     def load(self, case: LoadCase) -> Array:
         """Displacements (n_c,) of the contact DOFs where contact carries nothing, on the springs."""
-        pieces = []
-        for part, span in zip(self.substructures, self.spans, strict=True):
-            force = part.free_load(case.f[span], case.x[span])
-            some = len(part.columns) and force.any()
-            moved = part.displaced(force[:, None])[:, 0] if some else np.zeros(len(part.free))
-            pieces.append(moved[np.searchsorted(part.free, part.columns)])
-        return np.concatenate(pieces)
+        return self.surface(Source(np.zeros(len(self.columns)), True), case)[self.columns]
 
     def surface(self, source: Source, case: LoadCase) -> Array:
         """Displacements (n,) known without further work: here of all DOFs, which take as much."""
-        if not source.forces:
-            return source.values
-        return self.recover(Source(source.values[:, None], True), (), [case])[0]
-
-    def recover(
-        self,
-        sources: Source,
-        components: Sequence[tuple[Components | None, ...] | None],
-        cases: Sequence[LoadCase],
-    ) -> list[Array]:
-        """All displacements, r arrays (n,), from r sources: forces on the contact DOFs (n_c, r).
-
-        Or from displacements of all DOFs (n, r).
-        """
-        if not sources.forces:
-            return [np.array(u) for u in sources.values.T]
-        u = [np.array(case.x) for case in cases]
-        for part, span, own in zip(self.substructures, self.spans, self.column_spans, strict=True):
-            place = np.searchsorted(part.free, part.columns)
-            for first in range(0, len(u), RECOVERED_AT_ONCE):
-                some = slice(first, first + RECOVERED_AT_ONCE)
-                loads = [part.free_load(case.f[span], case.x[span]) for case in cases[some]]
-                force = np.column_stack(loads)
-                force[place] += sources.values[own, some]
-                for column, out in zip(part.displaced(force).T, u[some], strict=True):
-                    out[span.start + part.free] = column
-        return u
+        return self.recover(Source(source.values[:, None], source.forces), [None], [case])[0]
 
 
 class Layer:
@@ -173,7 +129,7 @@ class Layer:
         layer = np.flatnonzero(inside)
         # springs on anchors count where these touch: without them the layer would follow a rigid motion
         springs = np.zeros(len(columns))
-        springs[np.searchsorted(columns, part.anchors)] = np.diag(part.springs) ** 2
+        springs[np.searchsorted(columns, part.anchors)] = part.springs
         self._K_cc = csr_matrix(K[columns][:, columns] + diags(springs))
         self._K_cl = csr_matrix(K[columns][:, layer])
         K_ll = csr_matrix(K[layer][:, layer])
@@ -207,32 +163,13 @@ class Layers:
         for layer, span in self._layers:
             self.softness[span] = 1.0 / layer.diagonal
 
-    def compliance(self, G: csr_matrix) -> Array:
-        """Of each row by the diagonal of K; of rows between rigid bodies that of the others, (r,)."""
-        own = np.asarray(G.multiply(G) @ self.softness).ravel()
-        return np.where(own > 0, own, own.max(initial=0.0) or 1.0)
-
-    def independent(self, G: csr_matrix, points: Array) -> bool:
-        """Whether rows (r, n_c) do not depend on each other; `points` (r, d) is where each acts."""
-        Q = csr_matrix(G @ diags(self.softness) @ G.T)
-        deforms = Q.diagonal() > 0
-        if not _independent(csr_matrix(G[~deforms])):
-            return False
-        moving = np.flatnonzero(deforms)
-        try:
-            factor = MultifrontalCholesky(csr_matrix(Q[moving][:, moving]), points[moving])
-        except LinAlgError:
-            return False
-        return factor.pivot_ratio >= DEPENDENT**2
-
     def stiffness(self, G: csr_matrix) -> Callable[[Array], Array]:
         """Forces on some rows (r, n_c) that hold them at gaps and slips, (r,) -> (r,)."""
         shared = csr_matrix(G @ diags(self.softness))
         Q = csr_matrix(shared @ G.T)
-        alone = Q.diagonal() == 0.0
         # as LU of a symmetric matrix: half the time of the order that knows nothing of it
         order = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
-        solve = splu((Q + diags(alone.astype(float))).tocsc(), diag_pivot_thresh=0.0, **order).solve
+        solve = splu(Q.tocsc(), diag_pivot_thresh=0.0, **order).solve
 
         def force(z: Array) -> Array:
             u = shared.T @ solve(z)
@@ -242,18 +179,3 @@ class Layers:
             return np.asarray(solve(shared @ held))
 
         return force
-
-
-def _independent(G: csr_matrix) -> bool:
-    """Return whether rows that only rigid bodies move do not depend on each other.
-
-    Such are slips at nodes whose displacements are prescribed, on a symmetry plane for instance: a few
-    of them fix all the motions that a rigid body has, and the others follow.
-    """
-    moved = np.unique(G.indices)
-    if G.shape[0] > len(moved):
-        return False
-    A = G[:, moved].toarray()
-    A /= np.abs(A).max(axis=0, initial=np.finfo(float).tiny)  # turns have another unit
-    A /= np.linalg.norm(A, axis=1, keepdims=True)
-    return bool(np.linalg.svd(A, compute_uv=False).min(initial=1.0) >= DEPENDENT)
