@@ -4,8 +4,8 @@
 * `points`: the problem on gaps and slips, `zone`: on those that may carry a force;
 * `substructure`: a body condensed onto its contact DOFs; `condensed`: all bodies, and what is left of
   them on gaps and slips;
-* `whole`, `forces`, `iterated`: the same without dense matrices, for very many points, and without
-  factors, for very large bodies;
+* `forces`, `iterated`: the same without dense matrices, for very many points, and without factors, for
+  very large bodies;
 * `full`: on displacements of all DOFs, for any linear solver;
 * `springs`: those that points are seen through where their rows depend on each other, and what each
   point resists by itself;

@@ -249,7 +249,7 @@ class Choice:
             )
         if self.route != "iterated":
             return self._sizes(Substructure)
-        from skfem_contact.problem.whole import WholeBody
+        from skfem_contact.problem.iterated import WholeBody
 
         return self._sizes(WholeBody)
 

@@ -42,12 +42,10 @@ DEPENDENT = 1e-3
 # where most points slip.
 ITERATED, MOST_PRODUCTS = 1e-13, 400
 
-# -- whole -------------------------------------------------------
+# -- forces ------------------------------------------------------
 
 # Couplings of K from the surface to the bottom of its layer: elements, in effect.
 LAYERS = 4
-
-# -- forces ------------------------------------------------------
 
 # What an answer on the way may leave of the residual: points change by more than a hundredth from one
 # of Newton's iterations to the next, and what is left is taken up there. An increment takes half as
