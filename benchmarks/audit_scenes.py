@@ -372,14 +372,14 @@ ROWS = (
         "`linear=Direct()`: in every iteration",
         "condensed once",
         interior,
-        ("problem/sparse:solve", "elimination/constraint:eliminate", "problem/full:"),
+        ("elimination/constraint:eliminate", "problem/full:"),
     ),
     Row(
         "displacements",
         "`u` of every step",
         "not asked for",
         displacements,
-        ("linalg/multifrontal/factor:_backward", "problem/condensed:recover"),
+        ("linalg/multifrontal/factor:_backward", "problem/substructure:recover"),
         recovered,
     ),
     Row(
@@ -459,7 +459,7 @@ ROWS = (
         (
             "answers/validity/assess:",
             "answers/validity/deformed_boundaries:",
-            "problem/condensed:recover",
+            "problem/substructure:recover",
         ),
     ),
     Row(
