@@ -30,8 +30,7 @@ from skfem_contact.loops.starts import (
 )
 from skfem_contact.loops.step import Step
 from skfem_contact.problem.model import LinearModel
-from skfem_contact.problem.response import Load
-from skfem_contact.problem.seam import ContactProblem
+from skfem_contact.problem.seam import ContactProblem, Load
 from skfem_contact.records import dataclass
 
 RAN_AWAY = (

@@ -55,7 +55,7 @@ from skfem_contact.loops.thresholds import (
     FREE_CHANGES,
     ROUNDED,
 )
-from skfem_contact.problem.response import Conditions, odd_round_off
+from skfem_contact.problem.seam import Conditions, odd_round_off
 from skfem_contact.records import dataclass
 
 

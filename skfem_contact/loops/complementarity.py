@@ -34,7 +34,7 @@ from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.loops.step import Guess, Step
 from skfem_contact.loops.thresholds import DECREASE, HALVINGS, ROUND_OFF, SOLVED_SLIP
-from skfem_contact.problem.response import Resistance, Response
+from skfem_contact.problem.seam import Resistance, Response
 from skfem_contact.records import dataclass
 
 # That of a single number.

@@ -34,7 +34,7 @@ from skfem_contact.linalg.krylov import gmres
 from skfem_contact.loops.complementarity import Projection, largest_force
 from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.thresholds import MOST_MOVES, ROUNDED, SLOW
-from skfem_contact.problem.response import Response
+from skfem_contact.problem.seam import Response
 from skfem_contact.problem.springs import least_friction
 from skfem_contact.records import dataclass
 

@@ -33,9 +33,8 @@ from skfem_contact.loops.complementarity import Projection
 from skfem_contact.loops.driver import Outcome, drive
 from skfem_contact.loops.step import Guess, Record, Step
 from skfem_contact.loops.thresholds import HALVINGS, IN_SERIES
-from skfem_contact.problem.points import PointSpace, on_rows
-from skfem_contact.problem.response import Conditions, Load, Resistance, Response
-from skfem_contact.problem.seam import ContactProblem
+from skfem_contact.problem.points import PointSpace
+from skfem_contact.problem.seam import Conditions, ContactProblem, Load, Resistance, Response, on_rows
 from skfem_contact.records import dataclass
 
 

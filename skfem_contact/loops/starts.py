@@ -47,8 +47,7 @@ from skfem_contact.loops.thresholds import (
     SOFTEST,
     TOO_SOFT,
 )
-from skfem_contact.problem.response import Load, Resistance
-from skfem_contact.problem.seam import ContactProblem
+from skfem_contact.problem.seam import ContactProblem, Load, Resistance
 from skfem_contact.records import dataclass
 
 # Where an attempt at a load step begins, in this order.

@@ -1,6 +1,6 @@
 """The contact problem: bodies reduced to gaps, slips and forces of the points.
 
-* `seam`: the contact problem as load steps and loops see it; `response`: what they ask and are told;
+* `seam`: the contact problem as load steps and loops see it, what they ask and are told;
 * `points`: the problem on gaps and slips, `zone`: on those that may carry a force;
 * `substructure`: a body condensed onto its contact DOFs; `condensed`: all bodies, and what is left of
   them on gaps and slips;
@@ -24,8 +24,7 @@ __getattr__, __dir__ = entrances(
         "full": "FullProblem FullSystem SparseSpace",
         "iterated": "IteratedBodies IteratedProblem MultigridBodies MultigridProblem",
         "points": "PointSpace",
-        "response": "Conditions Load Resistance Response",
-        "seam": "PosedOn Workspace",
+        "seam": "Conditions Load PosedOn Resistance Response Workspace",
         "springs": "independent least_friction",
         "substructure": "Substructure",
         "zone": "Compliance Zone Zones definite_inverse",

@@ -35,8 +35,16 @@ from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import blocks, symmetrise
 from skfem_contact.problem import thresholds
 from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
-from skfem_contact.problem.seam import ContactProblem, OnContactDofs, PosedOn
+from skfem_contact.problem.seam import (
+    Conditions,
+    ContactProblem,
+    Load,
+    OnContactDofs,
+    PosedOn,
+    Resistance,
+    Response,
+    Source,
+)
 from skfem_contact.problem.springs import (
     independent,
     point_resistance,

@@ -54,8 +54,15 @@ from skfem_contact.linalg.dense_factors import lu
 from skfem_contact.linalg.krylov import Iterated, gmres
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky, SurfaceResponse
 from skfem_contact.problem.full import DependentRows
-from skfem_contact.problem.response import Conditions, Load, Resistance, Response, friction_force
-from skfem_contact.problem.seam import OnContactDofs, PosedOn
+from skfem_contact.problem.seam import (
+    Conditions,
+    Load,
+    OnContactDofs,
+    PosedOn,
+    Resistance,
+    Response,
+    friction_force,
+)
 from skfem_contact.problem.springs import independent, point_resistance
 from skfem_contact.problem.thresholds import LAYERS, ROUGHLY
 from skfem_contact.records import dataclass

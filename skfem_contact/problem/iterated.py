@@ -49,8 +49,7 @@ from skfem_contact.linalg.backend import Surface
 from skfem_contact.once import once
 from skfem_contact.problem.forces import HeldForces, OnForces
 from skfem_contact.problem.full import DependentRows, FullProblem, FullSystem
-from skfem_contact.problem.response import Conditions, Load, Response, Source
-from skfem_contact.problem.seam import ContactProblem, PosedOn
+from skfem_contact.problem.seam import Conditions, ContactProblem, Load, PosedOn, Response, Source
 from skfem_contact.problem.substructure import Components, Substructure, Substructures
 from skfem_contact.problem.thresholds import CLOSER, ITERATED, MOST_PRODUCTS, ROUNDING
 

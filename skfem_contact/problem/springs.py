@@ -31,7 +31,7 @@ from scipy.sparse.linalg import splu
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.digits import COMPUTED
-from skfem_contact.problem.response import Resistance
+from skfem_contact.problem.seam import Resistance
 from skfem_contact.problem.thresholds import DEPENDENT, GIVE, STIFFER
 
 

@@ -31,7 +31,7 @@ from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
 from skfem_contact.linalg.multifrontal.ordering import nodes_of
 from skfem_contact.linalg.thresholds import NO_PIVOT
 from skfem_contact.once import Lock, once
-from skfem_contact.problem.response import Source
+from skfem_contact.problem.seam import Source
 from skfem_contact.problem.thresholds import (
     HELD_FIRMLY,
     MOST_DIRECTIONS,

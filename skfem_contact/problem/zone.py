@@ -34,7 +34,7 @@ from skfem_contact.linalg.dense_factors import (
 from skfem_contact.once import once
 from skfem_contact.problem import thresholds
 from skfem_contact.problem.points import NO_ROW, Duals, LoadForces, PointSpace
-from skfem_contact.problem.response import Conditions, Load, Response
+from skfem_contact.problem.seam import Conditions, Load, Response
 from skfem_contact.problem.thresholds import FEWEST, LOOSE, SPARE
 
 

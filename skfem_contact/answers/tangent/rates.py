@@ -24,7 +24,7 @@ from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arrays import Array, lengths
 from skfem_contact.errors import InputError
 from skfem_contact.problem.points import Duals
-from skfem_contact.problem.response import Response
+from skfem_contact.problem.seam import Response
 
 HANDED_ON = "slip", "friction", "reference", "bound", "stretch"
 #: Of one name to be added to, and the name of what a block at each point is multiplied with.

@@ -33,7 +33,7 @@ from skfem_contact.arrays import Array, Mask, largest, lengths, unit_vectors
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.problem.response import Response
+from skfem_contact.problem.seam import Response
 
 TINY = np.finfo(float).tiny
 
