@@ -171,25 +171,24 @@ class Choice:
         if not self.by_memory:
             return "as chosen"
         told = f"{self.steps:.0f} load step{'s' * (self.steps > 1)}"
+        pays = "{} pay from {} load steps on".format
+        dense = pays("they", math.ceil(self.pays_from))
         if self.route == "multigrid" and self.few_steps:
-            return (
-                f"as factors are not worth their time for {told}: they pay from "
-                f"{math.ceil(self.factors_pay_from)} load steps on"
-            )
+            factors = pays("they", math.ceil(self.factors_pay_from))
+            return f"as factors are not worth their time for {told}: {factors}"
         if self.route == "multigrid":
             most = f"max_factor_bytes allows {written_bytes(self.limits.factors)}"
             return f"because factors would take {written_bytes(self.factor_bytes)}: {most}"
         most = f"max_dense_bytes allows {written_bytes(self.limits.dense)}"
-        pays = f"they pay from {math.ceil(self.pays_from)} load steps on"
         if self.route == "condensed":
-            if self.factors_pay_from > 1:
-                most += f"; factors pay from {math.ceil(self.factors_pay_from)} load steps on"
-            return f"{most}; {pays}" if self.pays_from > 1 else most
+            factors = pays("factors", math.ceil(self.factors_pay_from))
+            more = (factors, self.factors_pay_from), (dense, self.pays_from)
+            return "; ".join([most, *(words for words, steps in more if steps > 1)])
         if self.dense_bytes <= self.limits.dense:
-            return f"as dense matrices are not worth their time for {told}: {pays}"
+            return f"as dense matrices are not worth their time for {told}: {dense}"
         return f"because dense matrices would take {written_bytes(self.dense_bytes)}: {most}"
 
-    @cached_property
+    @property
     def said(self) -> str:
         """Return what a report says of the route: nothing of the usual one."""
         words = {

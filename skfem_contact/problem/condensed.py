@@ -55,7 +55,7 @@ from skfem_contact.problem.substructure import Components, Substructure, Substru
 from skfem_contact.problem.zone import Compliance, Zones
 
 
-class Condensed(Substructures[Substructure]):
+class Condensed(Substructures):
     """All bodies condensed onto their contact DOFs."""
 
     kind = Substructure
@@ -110,11 +110,6 @@ class Condensed(Substructures[Substructure]):
         u[self.system.D] = case.x[self.system.D]
         u[self.columns] = self.flexibility(source.values)
         return u
-
-    @cached_property
-    def softness(self) -> Array:
-        """How far a unit force moves each contact DOF, all others held, (n_c,) [length/force]."""
-        return np.concatenate([part.softness for part in self.substructures])
 
     @cached_property
     def least_softness(self) -> Array:

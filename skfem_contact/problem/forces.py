@@ -74,16 +74,10 @@ class Layer:
     Parameters
     ----------
     part : WholeBody
-
-    Attributes
-    ----------
-    diagonal : ndarray, shape (n_c,)
-        Of K at the contact DOFs [force/length].
     """
 
     def __init__(self, part: Any) -> None:
         K, columns = part.K, part.columns
-        self.diagonal = K.diagonal()[columns]
         inside = np.zeros(K.shape[0])
         inside[columns] = 1.0
         for _ in range(LAYERS):
@@ -122,13 +116,11 @@ class Layers:
             for part, span in parts
             if isinstance(part.body, Body) and len(part.columns)
         ]
-        self.softness = np.zeros(len(bodies.columns))
-        for layer, span in self._layers:
-            self.softness[span] = 1.0 / layer.diagonal
+        self._softness = bodies.softness
 
     def stiffness(self, G: csr_matrix) -> Callable[[Array], Array]:
         """Forces on some rows (r, n_c) that hold them at gaps and slips, (r,) -> (r,)."""
-        shared = csr_matrix(G @ diags(self.softness))
+        shared = csr_matrix(G @ diags(self._softness))
         Q = csr_matrix(shared @ G.T)
         # as LU of a symmetric matrix: half the time of the order that knows nothing of it
         order = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
@@ -263,9 +255,9 @@ class OnForces(OnContactDofs):
     def __init__(self, bodies: Any, on: PosedOn) -> None:
         super().__init__(bodies, on)
         self.layers = Layers(bodies)
-        if not independent(self.G, self.layers.softness):  # as slips are that only rigid bodies make
+        if not independent(self.G, bodies.softness):  # as slips are that only rigid bodies make
             raise DependentRows  # they are solved with all DOFs
-        self.own = self.bare = 1.0 / (self.G.multiply(self.G) @ self.layers.softness)
+        self.own = self.bare = 1.0 / (self.G.multiply(self.G) @ bodies.softness)
         self._share = np.ones(self.q)
         columns = [bodies.flexibility(column) for column in bodies.P.T.toarray()]
         self.FP = np.column_stack(columns) if columns else np.zeros(bodies.P.shape)
@@ -274,7 +266,7 @@ class OnForces(OnContactDofs):
     @cached_property
     def resistance(self) -> Resistance:
         """Return what each point resists by itself, by the diagonal of K."""
-        return point_resistance(self.rows, self.slips, self.layers.softness)
+        return point_resistance(self.rows, self.slips, self.bodies.softness)
 
     def _give_way(self, normal: Array, tangential: Array) -> None:
         self.give = self.on_rows(normal, tangential)

@@ -83,8 +83,6 @@ class FullSystem:
 class FullProblem(ContactProblem):
     """The contact problem on all DOFs."""
 
-    _seen: DisplacementsInSeries | None = None
-
     def __init__(self, bodies: FullSystem, on: PosedOn) -> None:
         self.space = SparseSpace(
             K=bodies.K,
@@ -102,8 +100,7 @@ class FullProblem(ContactProblem):
     def _begin_anew(self) -> None:
         super()._begin_anew()
         self.space = replace(self.space, _key=None, _factor=None)
-        if self._seen is not None:
-            self._seen = self._through_springs()
+        vars(self).pop("_seen", None)
 
     @cached_property
     def resistance(self) -> Resistance:
@@ -112,13 +109,12 @@ class FullProblem(ContactProblem):
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Gaps, slips and forces under these conditions; through springs once rows are dependent."""
-        if self._seen is None:
+        if self.springs is None:
             try:
                 return self.space.solve(conditions, load)
             except DependentRows:
                 logger.info("contact rows depend on each other: points are seen through springs")
                 self.springs = self._compliance()
-                self._seen = self._through_springs()
         n = self.kin.B_n.shape[1]
         if len(load.force) == n:
             still = np.zeros(load.gap0.shape), np.zeros(load.slip0.shape)
@@ -126,13 +122,13 @@ class FullProblem(ContactProblem):
         found = self._seen.solve(conditions, load)
         return replace(found, solution=found.solution[:n])
 
-    def _through_springs(self) -> DisplacementsInSeries:
+    @cached_property
+    def _seen(self) -> DisplacementsInSeries:
         assert self.springs is not None
         return self.in_series(Resistance(1.0 / self.springs, 1.0 / self.springs))
 
     def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
         """The load with the forces at which the springs of the problem have no strain."""
-        assert self._seen is not None
         return self._seen.at_forces(load, normal_force, tangential_force)
 
     def in_series(self, C: Resistance) -> DisplacementsInSeries:
@@ -309,12 +305,13 @@ class DisplacementsInSeries:
         self._B = B = csr_matrix(vstack([kin.B_n, kin.B_t]) if slips else kin.B_n)
         stiff = np.concatenate([C.normal, np.repeat(C.tangential, kin.tangents)])[: B.shape[0]]
         pull = diags(stiff) @ B
-        if isinstance(space.K, Stacked):
-            springs = bmat([[B.T @ pull, -pull.T], [-pull, diags(stiff)]], format="csr")
-            K = space.K.bordered(B) + springs
-        else:
-            K = bmat([[space.K + B.T @ pull, -pull.T], [-pull, diags(stiff)]], format="csr")
         q, m = B.shape[0], kin.m
+        wide = (
+            space.K.bordered(B)
+            if isinstance(space.K, Stacked)
+            else block_diag([space.K, np.zeros((q, q))])
+        )
+        K = wide + bmat([[B.T @ pull, -pull.T], [-pull, diags(stiff)]], format="csr")
         own = csr_matrix(hstack([csr_matrix((q, n)), identity(q)]))
         t_rows = own[m:] if slips else csr_matrix((m * kin.tangents, n + q))
         places = None

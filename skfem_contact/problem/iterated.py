@@ -26,7 +26,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix, diags
@@ -243,7 +242,7 @@ class WholeBody(Substructure):
         return self._factor.substitute(self.flexibility @ x[len(x) - len(self.kept) :], x)
 
 
-class IteratedBodies(Substructures[Any]):
+class IteratedBodies(Substructures):
     """Bodies by their factors, and the contact problem put upon them."""
 
     kind: type[WholeBody] = WholeBody
@@ -297,6 +296,16 @@ class GridBody(WholeBody):
         inverse = np.linalg.inv(self.K_free.toarray())
         return Hierarchy((), inverse.dot)
 
+    def respond(self, force: Array) -> Array:
+        """``F`` times forces on the contact DOFs, (n_c,) -> (n_c,)."""
+        if not force.any():
+            return force
+        f = np.zeros(len(self.free))
+        f[self._place] = force
+        most = self._backend.max_iterations
+        given = self.K_free, f, self.grids.cycle, ITERATED, most
+        return conjugate_gradients(*given, to_round_off=True)[self._place]
+
     @property
     def memory(self) -> int:
         """Bytes of all grids."""
@@ -342,17 +351,6 @@ class MultigridBodies(IteratedBodies):
         """About ``K^-1 f``, (n_f,)."""
         parts = zip(self.substructures, self.free_spans, strict=True)
         return np.concatenate([part.grids.cycle(f[span]) for part, span in parts])
-
-    def flexibility(self, force: Array) -> Array:
-        """``F`` times forces on the contact DOFs, (n_c,) -> (n_c,)."""
-        f = np.zeros(len(self.free))
-        f[self.place] = force
-        u, most = np.zeros(len(f)), self.backend.max_iterations
-        for part, span in zip(self.substructures, self.free_spans, strict=True):
-            if f[span].any():
-                own = part.K_free, f[span], part.grids.cycle
-                u[span] = conjugate_gradients(*own, ITERATED, most, to_round_off=True)
-        return u[self.place]
 
     def free_load(self, case: LoadCase) -> Array:
         """Loads on the free DOFs, those of prescribed displacements included, (n_f,)."""

@@ -40,7 +40,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -59,9 +59,6 @@ from skfem_contact.conditions.rows import stacked_rows
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import ContactError
 from skfem_contact.records import dataclass
-
-if TYPE_CHECKING:
-    from skfem_contact.problem.points import PointSpace
 
 P = TypeVar("P", bound="ContactProblem")
 
@@ -225,7 +222,7 @@ class LinearProblem(Protocol):
     """
 
     @property
-    def points(self) -> PointSpace | None: ...
+    def points(self) -> Any: ...
 
     @property
     def springs(self) -> Array | None: ...
@@ -315,7 +312,7 @@ class ContactProblem(LinearProblem):
         self.on_points: ContactProblem | None = None
 
     @property
-    def points(self) -> PointSpace | None:
+    def points(self) -> Any:
         """None, but of `PointProblem`."""
         return None
 
@@ -383,15 +380,9 @@ class OnContactDofs(ContactProblem):
         self.give = np.zeros(self.q)
 
     @cached_property
-    def prescribed(self) -> Kinematics | None:
-        """The rows on prescribed DOFs; None where supports do not reach into the contact."""
-        system = self.bodies.system
-        held = np.zeros(system.n, dtype=bool)
-        held[system.D] = True
-        rows = [self.kin.B_n, self.kin.B_t] if self.slips else [self.kin.B_n]
-        if not any(held[B.indices].any() for B in rows):
-            return None
-        return without_columns(self.kin, system.D)
+    def prescribed(self) -> Kinematics:
+        """The rows on prescribed DOFs."""
+        return without_columns(self.kin, self.bodies.system.D)
 
     @cached_property
     def onto_dofs(self) -> tuple[csc_matrix, csc_matrix]:
@@ -414,10 +405,7 @@ class OnContactDofs(ContactProblem):
 
     def constant(self, case: LoadCase) -> tuple[Array, Array]:
         """Initial gaps and slips with what prescribed displacements add."""
-        gap0, slip0 = case.gap0, case.slip0
-        known = self.prescribed
-        if known is None:
-            return gap0, slip0
+        gap0, slip0, known = case.gap0, case.slip0, self.prescribed
         x = case.x[self.bodies.system.D]
         if known.B_n.nnz:
             gap0 = gap0 + known.B_n @ x

@@ -10,7 +10,7 @@ import logging
 import math
 from collections.abc import Callable, Sequence
 from copy import copy
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import LinAlgError
@@ -196,7 +196,7 @@ class Substructure:
         modes: Array | None = None,
     ) -> None:
         self.body, self.K, self._firm = body, K, firm
-        self._backend = backend or Direct()
+        self._backend: Any = backend or Direct()
         self.modes = body.rigid_modes if modes is None else modes
         self.free = np.delete(np.arange(body.n), body.D)
         self.anchors = wanted
@@ -283,16 +283,6 @@ class Substructure:
         if not factors.even(NO_PIVOT):
             raise SingularMatrix("a body that is not stable moves without resistance")
         return factors.solve(np.eye(len(S)))
-
-    @once
-    def softness(self) -> Array:
-        """Return how far a unit force moves each kept DOF, all others held, (n_c,) [length/force].
-
-        By the diagonal of K, which knows of no anchors; zero of a rigid body.
-        """
-        if not isinstance(self.body, Body):
-            return np.zeros(len(self.kept))
-        return np.asarray(1.0 / self.K.diagonal()[self.kept])
 
     @property
     def memory(self) -> int:
@@ -415,10 +405,7 @@ def anchors(body: Body, wanted: Index, modes: Array) -> Index:
     return chosen
 
 
-S = TypeVar("S", bound=Substructure)
-
-
-class Substructures(Generic[S]):
+class Substructures:
     """All bodies, each reduced to its contact DOFs.
 
     Parameters
@@ -443,7 +430,7 @@ class Substructures(Generic[S]):
         Springs to the ground on the anchors, of the stiffness ``P P'``: one entry in each column.
     """
 
-    kind: type[S]
+    kind: type[Substructure]
     usual: Callable[[], Any] = Direct
 
     def __init__(
@@ -456,7 +443,7 @@ class Substructures(Generic[S]):
     ) -> None:
         self.backend: Any
         self.system, self.stiffness, self.backend = system, stiffness, backend or self.usual()
-        self.spans, self.substructures = slices(system.offsets), list[S]()
+        self.spans, self.substructures = slices(system.offsets), list[Any]()
         for i, body in enumerate(system.bodies):
             part = reuse[i] if len(reuse) else None
             if not isinstance(part, self.kind):
@@ -473,11 +460,22 @@ class Substructures(Generic[S]):
         springs = np.concatenate([part.springs for part, _ in parts])
         self.P = csr_matrix((np.sqrt(springs), place), (len(self.columns), len(anchors)))
 
+    @once
+    def softness(self) -> Array:
+        """Return how far a unit force moves each contact DOF, all others held, (n_c,) [length/force].
+
+        By the diagonal of K, which knows of no anchors; zero of a rigid body.
+        """
+        stiff = [
+            part.K.diagonal()[part.columns]
+            if isinstance(part.body, Body)
+            else np.full(len(part.columns), np.inf)
+            for part in self.substructures
+        ]
+        return 1.0 / np.concatenate(stiff)
+
     def recover(
-        self,
-        sources: Source,
-        components: Sequence[Any],
-        cases: Sequence[LoadCase],
+        self, sources: Source, components: Sequence[Any], cases: Sequence[LoadCase]
     ) -> list[Array]:
         """All displacements, r arrays (n,), from r sources: forces on the contact DOFs (n_c, r).
 
