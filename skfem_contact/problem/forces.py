@@ -364,7 +364,6 @@ class HeldForces(ABC):
     """
 
     size = np.zeros(0)
-    closer = 1.0  # share of the residual of the iterate before that may be left
 
     def __init__(self, problem: OnForces, conditions: Conditions, load: Load) -> None:
         rows = problem.normal_rows, problem.tangential_rows
@@ -413,7 +412,7 @@ class HeldForces(ABC):
         if begin is not None:
             x = self.joined(begin[0][: len(self.size)], begin[1][self.held.rows], begin[2])
         given = self._product, b, self._precondition, x, tolerance, most
-        found = gmres(*given, closer=self.closer, roughly=ROUGHLY if self.rough else 0.0)
+        found = gmres(*given, roughly=ROUGHLY if self.rough else 0.0)
         self.problem.iterations.append(found.iterations)
         self.rough = self.rough and found.enough and found.residual > tolerance
         return found

@@ -50,7 +50,7 @@ from skfem_contact.problem.forces import HeldForces, OnForces
 from skfem_contact.problem.full import DependentRows, FullProblem, FullSystem
 from skfem_contact.problem.seam import Conditions, ContactProblem, Load, PosedOn, Response, Source
 from skfem_contact.problem.substructure import Components, Substructure, Substructures
-from skfem_contact.problem.thresholds import CLOSER, ITERATED, MOST_PRODUCTS, ROUNDING
+from skfem_contact.problem.thresholds import ITERATED, MOST_PRODUCTS, ROUNDING
 
 logger = logging.getLogger("skfem_contact")
 
@@ -114,13 +114,7 @@ class IteratedProblem(OnForces):
 
 
 class _Fields(HeldForces):
-    """The equations of bodies and forces.
-
-    Loops end by forces. A tolerance that is one of the load may be met before these are as exact as a
-    loop asks: every solve comes closer than the one before.
-    """
-
-    closer = CLOSER
+    """The equations of bodies and forces."""
 
     def __init__(self, problem: OnForces, conditions: Conditions, load: Load) -> None:
         super().__init__(problem, conditions, load)

@@ -54,9 +54,6 @@ ROUGHLY = 1e-2
 
 # -- iterated ----------------------------------------------------
 
-# Share of the residual that a solve leaves at most of that of the iteration before.
-CLOSER = 0.1
-
 # Of one operation, relative: half a unit in the last place.
 ROUNDING = 2.0**-53
 
