@@ -23,21 +23,16 @@ from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.rigid_modes import largest
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.digits import ROUND_OFF
 from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.linalg.backend import Backend, BodyFactor
 from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
 from skfem_contact.linalg.direct import Direct, IndefiniteFactor
 from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
 from skfem_contact.linalg.multifrontal.ordering import nodes_of
-from skfem_contact.linalg.thresholds import NO_PIVOT
 from skfem_contact.once import Lock, once
 from skfem_contact.problem.seam import Source
-from skfem_contact.problem.thresholds import (
-    HELD_FIRMLY,
-    MOST_DIRECTIONS,
-    RECOVERED_AT_ONCE,
-    SAME_LOAD,
-)
+from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS, RECOVERED_AT_ONCE
 
 logger = logging.getLogger("skfem_contact")
 
@@ -109,7 +104,7 @@ class LoadSpan:
         again = Q.T.dot(rest)  # once more: the first pass leaves round-off of |b|
         c, rest = c + again, rest - _combined(Q, again)
         size = math.sqrt(rest.dot(rest))
-        if size <= SAME_LOAD * math.sqrt(b.dot(b)):
+        if size <= ROUND_OFF * math.sqrt(b.dot(b)):
             self._last = b, c
             return c
         if Q.shape[1] >= MOST_DIRECTIONS:
@@ -280,7 +275,7 @@ class Substructure:
         S = self.S.copy()  # what Cholesky began with is lost
         S[at, at] += self.springs
         factors = lu(S)
-        if not factors.even(NO_PIVOT):
+        if not factors.even(ROUND_OFF):
             raise SingularMatrix("a body that is not stable moves without resistance")
         return factors.solve(np.eye(len(S)))
 

@@ -92,9 +92,6 @@ GIVE = 3e-3
 
 # -- substructure ------------------------------------------------
 
-# What is left of a load once its parts along known ones are taken off twice, over all of it: round-off.
-SAME_LOAD = 4e-15
-
 # Ratio of singular values of the rigid modes on some DOFs above which these hold the body firmly.
 HELD_FIRMLY = 1e-2
 
