@@ -176,7 +176,7 @@ def factored(done: Done) -> Counts:
     part = done.solver.model.substructures[-1]
     return {
         "its DOFs condensed": len(part.kept),
-        "bytes of its factors": part.memory if "_eliminated" in part.__dict__ else 0,
+        "bytes of its factors": part.memory if "_factor" in part.__dict__ else 0,
     }
 
 

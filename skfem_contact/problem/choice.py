@@ -205,7 +205,7 @@ class Choice:
         """
         if self._factor_bound <= self.limits.factors:
             return self._factor_bound
-        sizes = self._sizes(Substructure).values()
+        sizes = self._sizes().values()
         waiting = max((size.peak - size.memory for size in sizes), default=0)
         return float(sum(size.memory for size in sizes) + waiting)
 
@@ -246,20 +246,18 @@ class Choice:
                 f"{self.linear!r} factorises the bodies, and how large that will be it does not say in "
                 "advance; linear='auto' does."
             )
-        if self.route != "iterated":
-            return self._sizes(Substructure)
-        from skfem_contact.problem.iterated import WholeBody
+        return self._sizes(keeping=self.route != "iterated")
 
-        return self._sizes(WholeBody)
-
-    def _sizes(self, kind: type[Substructure]) -> dict[str, FactorSize]:
+    def _sizes(self, keeping: bool = True) -> dict[str, FactorSize]:
+        """With contact DOFs kept, or eliminated like all others."""
         check_whole(self.stiffness, "a factorisation, and its size, needs all of it")
         out, wanted = {}, self._wanted()
         for i, (name, K) in enumerate(zip(self.system.names, self.stiffness, strict=True)):
             body = self.system.bodies[i]
             mine = wanted_of(body, self.system.slice(body), wanted)
             if len(mine):
-                out[name] = kind(body, K, mine, modes=self.system.modes(i)).factor_size()
+                part = Substructure(body, K, mine, modes=self.system.modes(i))
+                out[name] = part.factor_size(part.columns if keeping else part.anchors)
         return out
 
 

@@ -142,7 +142,7 @@ class PointProblem(OnContactDofs):
         except SingularMatrix:  # is told to whom it matters
             pass
         except LinAlgError:  # rows that depend on each other: corners, chains, tools that are held
-            if on.independent is not None and on.independent():
+            if on.independent():
                 self._take_all()
                 return
             self.springs = spring_compliance(self.rows, self.slips, bodies.softness)

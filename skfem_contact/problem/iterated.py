@@ -217,6 +217,11 @@ class WholeBody(Substructure):
     def _response(self) -> Surface:
         return self._factor.response(self._place)
 
+    @once
+    def springs(self) -> Array:
+        """As stiff as K itself: what anchors alone feel of a body that floats may be nothing."""
+        return np.maximum(self.K.diagonal()[self.anchors], self._firm)
+
     def respond(self, force: Array) -> Array:
         """``F`` times forces on the contact DOFs, (n_c,) -> (n_c,)."""
         if not len(self.columns):

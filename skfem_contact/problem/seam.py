@@ -263,7 +263,7 @@ class PosedOn:
     u: Array | None
     slipping: Mask
     prefer: Mask | None = None
-    independent: Callable[[], bool] | None = None
+    independent: Callable[[], bool] = lambda: False
 
 
 class ContactProblem(LinearProblem):

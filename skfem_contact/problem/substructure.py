@@ -142,14 +142,6 @@ def _combined(Q: Array, c: Array) -> Array:
     return Q[:, 0] * c if len(c) == 1 else np.asarray(Q @ c)
 
 
-class Eliminated(NamedTuple):
-    """The factors of a body, and what is remembered of forces and of prescribed displacements on it."""
-
-    factor: BodyFactor
-    forces: LoadSpan
-    moves: LoadSpan
-
-
 class Substructure:
     """One body condensed onto the DOFs that contact needs; of a rigid body all that it has.
 
@@ -199,6 +191,7 @@ class Substructure:
             self.anchors = anchors(body, wanted, self.modes) if isinstance(body, Body) else self.free
         self.columns = np.union1d(wanted, self.anchors)
         self.kept = self.columns if self.keeps_contact else self.anchors
+        self._spanned = isinstance(body, Body) and len(self.kept) > 0  # loads are remembered
 
     @once
     def _K_D(self) -> csr_matrix:
@@ -210,17 +203,14 @@ class Substructure:
         return -(self._K_D.T @ x)[self.free]
 
     @once
-    def _eliminated(self) -> Eliminated:
-        return self._remembering(self._factorised())
-
-    def _remembering(self, factor: BodyFactor) -> Eliminated:
-        """Factors, with nothing known of loads."""
-        n, D = self.body.n, self.body.D
-        return Eliminated(factor, LoadSpan(factor, self.free, n), LoadSpan(factor, D, n))
-
-    @property
     def _factor(self) -> BodyFactor:
-        return self._eliminated.factor
+        return self._factorised()
+
+    @once
+    def _spans(self) -> tuple[LoadSpan, LoadSpan]:
+        """What is remembered of forces, and of prescribed displacements."""
+        factor, n, D = self._factor, self.body.n, self.body.D
+        return LoadSpan(factor, self.free, n), LoadSpan(factor, D, n)
 
     def _factorised(self) -> BodyFactor:
         place = np.searchsorted(self.free, self.kept)
@@ -237,9 +227,9 @@ class Substructure:
                 "element, or K is not that of an elastic body."
             ) from None
 
-    def factor_size(self) -> FactorSize:
-        """Size of the factorisation, before it is computed."""
-        place = np.searchsorted(self.free, self.kept)
+    def factor_size(self, kept: Index) -> FactorSize:
+        """Size of the factorisation that keeps some of the contact DOFs, before it is computed."""
+        place = np.searchsorted(self.free, kept)
         return factor_size(self.K, self.body.dof_points[self.free], place, free=self.free)
 
     @property
@@ -250,13 +240,10 @@ class Substructure:
 
     @once
     def springs(self) -> Array:
-        """Stiffness of springs to the ground on the anchors, (k,) [force/length].
-
-        As stiff as K itself: what anchors alone feel of a body that floats may be nothing.
-        """
+        """Stiffness of springs to the ground on the anchors, (k,) [force/length]."""
         if not len(self.anchors):
             return np.zeros(0)
-        return np.maximum(self.K.diagonal()[self.anchors], self._firm)
+        return np.maximum(np.diag(self.S)[np.searchsorted(self.kept, self.anchors)], self._firm)
 
     @once
     def flexibility(self) -> Array:
@@ -287,8 +274,7 @@ class Substructure:
     def unloaded(self) -> Substructure:
         """The same body, condensed once, without what is remembered of its loads."""
         twin = copy(self)
-        if "_eliminated" in vars(twin):
-            vars(twin)["_eliminated"] = twin._remembering(twin._factor)
+        vars(twin).pop("_spans", None)
         return twin
 
     @property
@@ -300,12 +286,13 @@ class Substructure:
         """Components of forces and of prescribed displacements along the directions known so far.
 
         Of a body without part in the contact problem, for which nothing is factorised yet, there are
-        none. None where there are too many directions.
+        none; of a rigid one its load itself, as nothing of it is eliminated. None where there are too
+        many directions.
         """
-        if len(self.kept) == 0:
-            return np.zeros(0), np.zeros(0)
-        known = self._eliminated
-        force, move = known.forces.components(f), known.moves.components(x, self._by_supports)
+        if not self._spanned:
+            return self.free_load(f, x) if len(self.kept) else np.zeros(0), np.zeros(0)
+        forces, moves = self._spans
+        force, move = forces.components(f), moves.components(x, self._by_supports)
         return None if force is None or move is None else (force, move)
 
     def along(self, components: Components) -> Array:
@@ -313,10 +300,10 @@ class Substructure:
 
         Of the directions that `components` are along.
         """
-        if len(self.kept) == 0:
-            return np.zeros((0, 0))
-        known, (force, move) = self._eliminated, components
-        return np.concatenate([known.forces.along(len(force)), known.moves.along(len(move))], axis=1)
+        if not self._spanned:
+            return np.eye(len(self.kept))
+        spans = zip(self._spans, components, strict=True)
+        return np.concatenate([span.along(len(c)) for span, c in spans], axis=1)
 
     def other_load(self, f: Array, x: Array) -> Array:
         """Load on the kept DOFs, those of the interior and of prescribed DOFs included, (n_c,).
@@ -344,17 +331,16 @@ class Substructure:
         loads : sequence of (f, x)
         """
         # forces and moves at once: BLAS is slow with a single direction, as most histories have of each
-        known = self._eliminated
-        forces = known.forces.eliminated
-        along, moves = np.concatenate([forces, known.moves.eliminated], axis=1), forces.shape[1]
-        C = np.zeros((along.shape[1], len(components)))
-        for column, c in zip(C.T, components, strict=True):
+        forces, others = (span.eliminated for span in self._spans)
+        along, moves = np.concatenate([forces, others], axis=1), forces.shape[1]
+        C, known = np.zeros((along.shape[1], len(components))), components if self._spanned else ()
+        for column, c in zip(C.T, known, strict=False):
             if c:  # steps may know fewer directions than later ones
                 column[: len(c[0])] = c[0]
                 column[moves : moves + len(c[1])] = c[1]
         x = along @ C
-        for k, (c, load) in enumerate(zip(components, loads, strict=True)):
-            if not (c and len(self.kept)):
+        for k, load in enumerate(loads):
+            if not (known and known[k]):
                 x[:, k] = self._factor.eliminate(self.free_load(*load))[:, 0]
         return self._factor.substitute(self.flexibility @ force, x)
 
