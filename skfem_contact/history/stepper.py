@@ -76,7 +76,7 @@ class Stepper(ByFields):
         turns = turns and bool(interface.laws)
         # a loading machine is one on gaps and slips, along one way of a step on one pairing
         follows = self.model.geometry.follows or interface.wear
-        one_way = self.model.condenses and not follows and self.options.max_cuts > 0
+        one_way = self.model.choice.condenses and not follows and self.options.max_cuts > 0
         found = possible_starts(len(interface.stiffness), self.loop, turns, one_way)
         return tuple(found)
 

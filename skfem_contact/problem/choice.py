@@ -120,10 +120,15 @@ class Choice:
         return 0 < self.steps < self.factors_pay_from
 
     @property
-    def condensable(self) -> bool:
-        """Whether memory allows to condense the bodies, where another route may be quicker."""
+    def condenses(self) -> bool:
+        """Whether there is a problem on gaps and slips as well: where memory allows to condense bodies.
+
+        Not in place of an iterative solver, which is chosen where a factorisation is too much.
+        """
+        if self.route == "full":
+            return isinstance(self.backend, Direct)
         fits = self.chooses and self._factor_bound <= self.limits.factors
-        return fits and self.dense_bytes <= self.limits.dense
+        return self.route == "condensed" or (fits and self.dense_bytes <= self.limits.dense)
 
     @property
     def way(self) -> tuple[str, bool]:

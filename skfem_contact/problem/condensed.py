@@ -143,7 +143,12 @@ class PointProblem(OnContactDofs):
             pass
         except LinAlgError:  # rows that depend on each other: corners, chains, tools that are held
             if on.independent():
-                self._take_all()
+                # it is a body that flows or buckles that makes them alike: they are taken as they are
+                self._give_way(np.zeros(on.kin.m), np.zeros(self.tangential_rows.shape))
+                try:
+                    self.zones.whole()
+                except LinAlgError as error:
+                    raise SingularMatrix(str(error)) from None
                 return
             self.springs = spring_compliance(self.rows, self.slips, bodies.softness)
             self._give_way(self.springs, self.springs[:, None])
@@ -157,14 +162,6 @@ class PointProblem(OnContactDofs):
     def _begin_anew(self) -> None:
         super()._begin_anew()
         vars(self).pop("zones", None)
-
-    def _take_all(self) -> None:
-        """Take the rows as they are: it is a body that flows or buckles that makes them alike."""
-        self._give_way(np.zeros(len(self.normal_rows)), np.zeros(self.tangential_rows.shape))
-        try:
-            self.zones.whole()
-        except LinAlgError as error:
-            raise SingularMatrix(str(error)) from None
 
     def _give_way(self, normal: Array, tangential: Array) -> None:
         """See all points through springs of these compliances, (m,) and (m, d-1), and no others."""
@@ -190,14 +187,15 @@ class PointProblem(OnContactDofs):
 
     def load(self, case: LoadCase) -> Load:
         """A load case on gaps and slips."""
-        components, force, moved = self.bodies.load(case.f, case.x)
-        return Load(np.zeros(0), *self.constant(case), force, components, self.G @ moved)
+        return self._load(case, *self.bodies.load(case.f, case.x))
 
     def other_load(self, case: LoadCase) -> Load:
         """A load case that is like no other, or one of its derivatives: nothing of it is remembered."""
         force = self.bodies.other_load(case.f, case.x)
-        moved = self.G @ self.bodies.flexibility(force)
-        return Load(np.zeros(0), *self.constant(case), force, (), moved)
+        return self._load(case, (), force, self.bodies.flexibility(force))
+
+    def _load(self, case: LoadCase, components: tuple[Components, ...], force: Array, u: Array) -> Load:
+        return Load(np.zeros(0), *self.constant(case), force, components, self.G @ u)
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Gaps, slips and forces under these conditions."""

@@ -283,9 +283,8 @@ class GridBody(WholeBody):
         if len(self.free) % size:
             return K
         blocks = K.tobsr((size, size))
-        return (
-            blocks if 2 * blocks.data.nbytes < 3 * K.data.nbytes else K
-        )  # of 8 bytes, and 4 of indices
+        fewer = 2 * blocks.data.nbytes < 3 * K.data.nbytes  # of 8 bytes, and 4 of indices
+        return blocks if fewer else K
 
     @once
     def grids(self) -> Hierarchy:

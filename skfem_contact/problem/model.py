@@ -19,7 +19,6 @@ from skfem_contact.conditions.interface import Interface, point_labels, secondar
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid_motions
-from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.resources import Limits, single_threaded
 from skfem_contact.once import Lock, once
 from skfem_contact.pairing.vectors import entries
@@ -246,11 +245,10 @@ class LinearModel:
         from skfem_contact.problem.full import FullSystem
         from skfem_contact.problem.iterated import IteratedBodies, MultigridBodies
 
-        if route == "iterated":
-            return IteratedBodies(*parts, self.choice.backend)
-        if route == "multigrid":
-            return MultigridBodies(*parts, self.choice.backend)
-        return FullSystem(self.system, self.stiffness, self.choice.backend)
+        if route == "full":
+            return FullSystem(self.system, self.stiffness, self.choice.backend)
+        kind = IteratedBodies if route == "iterated" else MultigridBodies
+        return kind(*parts, self.choice.backend)
 
     @property
     def known(self) -> np.ndarray:
@@ -303,19 +301,12 @@ class LinearModel:
             self.timings["contact problem"] = before + time.perf_counter() - start
         return problem
 
-    @property
-    def condenses(self) -> bool:
-        """Return whether there is a problem on gaps and slips: see `on_points`."""
-        sparse = self.route == "full" and isinstance(self.choice.backend, Direct)
-        return self.route == "condensed" or sparse or self.choice.condensable
-
     def on_points(self, problem: ContactProblem) -> ContactProblem:
         """The same problem on gaps and slips; on the sparse route condensed for this alone.
 
-        Not in place of an iterative solver, which is chosen where a factorisation is too much. The
-        problem is one that nobody else solves at the moment.
+        The problem is one that nobody else solves at the moment.
         """
-        if self.route == "condensed" or not self.condenses:
+        if self.route == "condensed" or not self.choice.condenses:
             return problem
         if problem.on_points is None:
             problem.on_points = self._posed(self._for_pivoting, problem.kin, problem.u)
@@ -331,7 +322,7 @@ class LinearModel:
 
         It is read by several threads at once: nothing but its matrices is to be used.
         """
-        if not self.condenses:
+        if not self.choice.condenses:
             return None
         with single_threaded:
             found = self.on_points(self.problem_on(None, None))
