@@ -176,7 +176,7 @@ def factored(done: Done) -> Counts:
     part = done.solver.model.substructures[-1]
     return {
         "its DOFs condensed": len(part.kept),
-        "bytes of its factors": part.memory if "_eliminated" in part.__dict__ else 0,
+        "bytes of its factors": part.memory if "_factor" in part.__dict__ else 0,
     }
 
 
@@ -372,14 +372,14 @@ ROWS = (
         "`linear=Direct()`: in every iteration",
         "condensed once",
         interior,
-        ("problem/sparse:solve", "elimination/constraint:eliminate", "problem/full:"),
+        ("elimination/constraint:eliminate", "problem/full:"),
     ),
     Row(
         "displacements",
         "`u` of every step",
         "not asked for",
         displacements,
-        ("linalg/multifrontal/factor:_backward", "problem/condensed:recover"),
+        ("linalg/multifrontal/factor:_backward", "problem/substructure:recover"),
         recovered,
     ),
     Row(
@@ -459,7 +459,7 @@ ROWS = (
         (
             "answers/validity/assess:",
             "answers/validity/deformed_boundaries:",
-            "problem/condensed:recover",
+            "problem/substructure:recover",
         ),
     ),
     Row(

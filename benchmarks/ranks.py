@@ -46,7 +46,7 @@ def one(n: int, whole: bool) -> dict[str, Any]:
     import petsc_scenes
 
     import skfem_contact as sc
-    from skfem_contact.problem.sparse import SparseSpace
+    from skfem_contact.problem.full import SparseSpace
 
     linear = sc.petsc.PETSc()
     empty = linear.memory()

@@ -192,21 +192,19 @@ class Blocks:
             tilt=zero,
             vertex=np.full(m, -1),
         )
-        on = PosedOn(self.kin, rigid_motions(self.system, self.kin, self.stiffness), None, true)
         prefer = np.zeros(n, dtype=bool)
         prefer[up] = True
-        labels = [f"point {i}" for i in range(m)]
+        motions = rigid_motions(self.system, self.kin, self.stiffness)
+        on = PosedOn(self.kin, motions, None, true, prefer)
         wanted = np.unique(np.r_[self.kin.B_n.indices, B_t.indices])
         if route == "full":
             bodies = FullSystem(self.system, self.stiffness, Direct())
-            self.problem = bodies.attach(on, prefer, labels)
+        elif route == "multigrid":
+            bodies = MultigridBodies(self.system, self.stiffness, wanted, backend=AMG(tol=1e-12))
         else:
-            if route == "multigrid":
-                bodies = MultigridBodies(self.system, self.stiffness, wanted, settings=AMG(tol=1e-12))
-            else:
-                kind = {"points": Condensed, "iterated": IteratedBodies}[route]
-                bodies = kind(self.system, self.stiffness, wanted)
-            self.problem = bodies.attach(on, prefer, labels)
+            kind = {"points": Condensed, "iterated": IteratedBodies}[route]
+            bodies = kind(self.system, self.stiffness, wanted)
+        self.problem = bodies.attach(on)
         self.law = sc.Coulomb(scene.mu)
 
     def moved(self, shift, turn=(0.0, 0.0, 0.0)):

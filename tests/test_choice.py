@@ -89,7 +89,7 @@ def test_what_is_chosen_for_large_bodies_is_not_condensed_beside_it(linear, cond
     """
     foot = sc.Contact(BODY.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=sc.Coulomb(0.3))
     model = sc.ContactSolver(BODY, foot, linear=linear).linear_model
-    assert model.condenses == condenses
+    assert model.choice.condenses == condenses
     problem = model.problem_on(None, None)
     assert (model.on_points(problem) is problem) == (linear == "condensed" or not condenses)
 

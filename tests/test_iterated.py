@@ -51,7 +51,7 @@ def conditions(blocks: Blocks, seed: int = 0, *, mu: float = 0.4) -> Conditions:
 def posed(blocks: Blocks) -> tuple[PointProblem, IteratedProblem, MultigridProblem]:
     """The dense problem, and those without dense matrices and without factors."""
     parts, on = (blocks.system, blocks.stiffness, blocks.wanted), blocks.on()
-    grids = MultigridBodies(*parts, settings=AMG(tol=1e-13))
+    grids = MultigridBodies(*parts, backend=AMG(tol=1e-13))
     dense, whole = Condensed(*parts), IteratedBodies(*parts)
     return PointProblem(dense, on), IteratedProblem(whole, on), MultigridProblem(grids, on)
 

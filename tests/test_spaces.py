@@ -78,10 +78,7 @@ class Problem:
             B_n=csr_matrix(self.B_n), B_t=csr_matrix(self.B_t), m=self.m, tangents=self.t
         )
         prefer = np.arange(self.n) >= self.n // 2
-        labels = [f"point {i}" for i in range(self.m)]
-        space = SparseSpace(
-            csr_matrix(self.K), rows, self.D, prefer, Direct(), labels, 1.0, self.frictional
-        )
+        space = SparseSpace(csr_matrix(self.K), rows, self.D, prefer, Direct(), 1.0, self.frictional)
         return space, Load(self.f, self.gap0, self.slip0, self.x)
 
     def dense(self):

@@ -235,7 +235,7 @@ print(*[name.removeprefix("skfem_contact.") for name in sys.modules])
         "obstacles.triangles",
         "output",
         "problem.iterated",
-        "problem.sparse",
+        "problem.full",
         "reference",
         "scipy.optimize",
         "scipy.spatial",

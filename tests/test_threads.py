@@ -346,7 +346,7 @@ def test_directions_that_two_threads_add(places):
     """While one waits to add a direction the other has added one, at the same DOFs or at others."""
     body = plane().system.bodies[0]
     part = Substructure(body, body.K, body.surface("bottom").dofs.ravel())
-    span, own, other = part._eliminated.forces, np.zeros(body.n), np.zeros(body.n)
+    span, own, other = part._spans[0], np.zeros(body.n), np.zeros(body.n)
     known = np.zeros(body.n)
     known[part.free[:4]] = 1.0
     span.components(known)

@@ -24,8 +24,7 @@ from skfem_contact.loops.step import Record
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.response import Load, Response, Source
-from skfem_contact.problem.seam import ContactProblem, Workspace
+from skfem_contact.problem.seam import ContactProblem, Load, Response, Source, Workspace
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
 

@@ -18,7 +18,7 @@ from skfem_contact.conditions.state import OPEN, LocalState
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import LinearSolveError, SingularMatrix
 from skfem_contact.history.load_step import Attempt, Recovery
-from skfem_contact.problem.response import Response
+from skfem_contact.problem.seam import Response
 
 #: Routes whose linear problems are iterated.
 ROUGH = "iterated", "multigrid"

@@ -28,8 +28,7 @@ from skfem_contact.loops.starts import (
 )
 from skfem_contact.loops.step import Step, friction_of_prescribed_slip
 from skfem_contact.problem.model import LinearModel
-from skfem_contact.problem.response import Load
-from skfem_contact.problem.seam import ContactProblem
+from skfem_contact.problem.seam import ContactProblem, Load
 from skfem_contact.records import dataclass
 
 # Round-off of contact forces over the terms that cancel where nothing presses.
@@ -85,7 +84,7 @@ class Stepper(ByFields):
         turns = turns and bool(interface.laws)
         # a loading machine is one on gaps and slips, along one way of a step on one pairing
         follows = self.model.geometry.follows or interface.wear
-        one_way = self.model.condenses and not follows and self.options.max_cuts > 0
+        one_way = self.model.choice.condenses and not follows and self.options.max_cuts > 0
         found = possible_starts(len(interface.stiffness), self.loop, turns, one_way)
         return tuple(found)
 

@@ -45,13 +45,11 @@ def gmres(
     tolerance: float,
     most: int,
     restart: int = 100,
-    closer: float = 1.0,
     roughly: float = 0.0,
 ) -> Iterated:
     """Solve ``A x = b`` until ``|b - A x|`` is below a tolerance, which is absolute.
 
-    And is no more than the share `closer` of what it is to begin with. The share `roughly` of that is
-    enough in any case.
+    The share `roughly` of what it is to begin with is enough in any case.
 
     It ends after `most` iterations, or where a restart no longer halves the residual: what is left is
     for the caller to judge.
@@ -65,7 +63,7 @@ def gmres(
     """
     r = b - product(x)
     size, iterations = float(np.linalg.norm(r)), 0
-    tolerance = max(min(tolerance, closer * size), roughly * size)
+    tolerance = max(tolerance, roughly * size)
     while size > tolerance and iterations < most:
         correction, spent = _cycle(product, precondition, r, tolerance, min(restart, most - iterations))
         iterations += spent

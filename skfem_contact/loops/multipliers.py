@@ -32,7 +32,7 @@ from skfem_contact.elimination.thresholds import AGREEMENT
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.loops.step import Guess, Iterate, Projection, Step, largest_force
-from skfem_contact.problem.response import Response
+from skfem_contact.problem.seam import Response
 from skfem_contact.problem.springs import least_friction
 from skfem_contact.records import dataclass
 

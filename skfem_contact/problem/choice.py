@@ -120,10 +120,15 @@ class Choice:
         return 0 < self.steps < self.factors_pay_from
 
     @property
-    def condensable(self) -> bool:
-        """Whether memory allows to condense the bodies, where another route may be quicker."""
+    def condenses(self) -> bool:
+        """Whether there is a problem on gaps and slips as well: where memory allows to condense bodies.
+
+        Not in place of an iterative solver, which is chosen where a factorisation is too much.
+        """
+        if self.route == "full":
+            return isinstance(self.backend, Direct)
         fits = self.chooses and self._factor_bound <= self.limits.factors
-        return fits and self.dense_bytes <= self.limits.dense
+        return self.route == "condensed" or (fits and self.dense_bytes <= self.limits.dense)
 
     @property
     def way(self) -> tuple[str, bool]:
@@ -171,25 +176,24 @@ class Choice:
         if not self.by_memory:
             return "as chosen"
         told = f"{self.steps:.0f} load step{'s' * (self.steps > 1)}"
+        pays = "{} pay from {} load steps on".format
+        dense = pays("they", math.ceil(self.pays_from))
         if self.route == "multigrid" and self.few_steps:
-            return (
-                f"as factors are not worth their time for {told}: they pay from "
-                f"{math.ceil(self.factors_pay_from)} load steps on"
-            )
+            factors = pays("they", math.ceil(self.factors_pay_from))
+            return f"as factors are not worth their time for {told}: {factors}"
         if self.route == "multigrid":
             most = f"max_factor_bytes allows {written_bytes(self.limits.factors)}"
             return f"because factors would take {written_bytes(self.factor_bytes)}: {most}"
         most = f"max_dense_bytes allows {written_bytes(self.limits.dense)}"
-        pays = f"they pay from {math.ceil(self.pays_from)} load steps on"
         if self.route == "condensed":
-            if self.factors_pay_from > 1:
-                most += f"; factors pay from {math.ceil(self.factors_pay_from)} load steps on"
-            return f"{most}; {pays}" if self.pays_from > 1 else most
+            factors = pays("factors", math.ceil(self.factors_pay_from))
+            more = (factors, self.factors_pay_from), (dense, self.pays_from)
+            return "; ".join([most, *(words for words, steps in more if steps > 1)])
         if self.dense_bytes <= self.limits.dense:
-            return f"as dense matrices are not worth their time for {told}: {pays}"
+            return f"as dense matrices are not worth their time for {told}: {dense}"
         return f"because dense matrices would take {written_bytes(self.dense_bytes)}: {most}"
 
-    @cached_property
+    @property
     def said(self) -> str:
         """Return what a report says of the route: nothing of the usual one."""
         words = {
@@ -206,7 +210,7 @@ class Choice:
         """
         if self._factor_bound <= self.limits.factors:
             return self._factor_bound
-        sizes = self._sizes(Substructure).values()
+        sizes = self._sizes().values()
         waiting = max((size.peak - size.memory for size in sizes), default=0)
         return float(sum(size.memory for size in sizes) + waiting)
 
@@ -247,20 +251,18 @@ class Choice:
                 f"{self.linear!r} factorises the bodies, and how large that will be it does not say in "
                 "advance; linear='auto' does."
             )
-        if self.route != "iterated":
-            return self._sizes(Substructure)
-        from skfem_contact.problem.whole import WholeBody
+        return self._sizes(keeping=self.route != "iterated")
 
-        return self._sizes(WholeBody)
-
-    def _sizes(self, kind: type[Substructure]) -> dict[str, FactorSize]:
+    def _sizes(self, keeping: bool = True) -> dict[str, FactorSize]:
+        """With contact DOFs kept, or eliminated like all others."""
         check_whole(self.stiffness, "a factorisation, and its size, needs all of it")
         out, wanted = {}, self._wanted()
         for i, (name, K) in enumerate(zip(self.system.names, self.stiffness, strict=True)):
             body = self.system.bodies[i]
             mine = wanted_of(body, self.system.slice(body), wanted)
             if len(mine):
-                out[name] = kind(body, K, mine, modes=self.system.modes(i)).factor_size()
+                part = Substructure(body, K, mine, modes=self.system.modes(i))
+                out[name] = part.factor_size(part.columns if keeping else part.anchors)
         return out
 
 

@@ -22,45 +22,45 @@ blocks and inverted only on rows of points that may close (`zone`); its size is 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.linalg import LinAlgError
-from scipy.sparse import csr_matrix, diags
+from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import Array, Mask, block_diagonal
+from skfem_contact.arrays import Array, block_diagonal
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import columns_of, stacked_rows, with_columns
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import blocks, symmetrise
 from skfem_contact.problem import thresholds
 from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
-from skfem_contact.problem.seam import ContactProblem, OnContactDofs, PosedOn
-from skfem_contact.problem.springs import point_resistance, resistance_by, spring_compliance
+from skfem_contact.problem.seam import (
+    Conditions,
+    ContactProblem,
+    Load,
+    OnContactDofs,
+    PosedOn,
+    Resistance,
+    Response,
+    Source,
+)
+from skfem_contact.problem.springs import (
+    independent,
+    point_resistance,
+    resistance_by,
+    spring_compliance,
+)
 from skfem_contact.problem.substructure import Components, Substructure, Substructures
-from skfem_contact.problem.thresholds import RECOVERED_AT_ONCE, STIFFER
 from skfem_contact.problem.zone import Compliance, Zones
 
 
-class Condensed(Substructures[Substructure]):
+class Condensed(Substructures):
     """All bodies condensed onto their contact DOFs."""
 
     kind = Substructure
 
-    def __init__(self, *parts: Any) -> None:
-        super().__init__(*parts)
-        self._split: dict[str, tuple[Array, list[Array]]] = {}
-        self._along: tuple[list[int], Array, Array] | None = None
-
-    @cached_property
-    def anchor_rows(self) -> csr_matrix:
-        """The extensions of the springs as rows over the contact DOFs: P', one entry in each."""
-        count = self.P.shape[1]
-        entries = self.P.max(axis=0), self.P.argmax(axis=0), np.arange(count + 1)
-        return csr_matrix(entries, shape=(count, len(self.P)))
+    _along: tuple[list[int], Array, Array] | None = None
 
     def flexibility(self, force: Array) -> Array:
         """``F`` times forces on the contact DOFs, (n_c, r) -> (n_c, r)."""
@@ -69,14 +69,6 @@ class Condensed(Substructures[Substructure]):
             for part, span in zip(self.substructures, self.column_spans, strict=True)
         ]
         return np.concatenate(pieces)
-
-    def row_flexibility(self, rows: csr_matrix) -> Array:
-        """Sparse rows over the contact DOFs times ``F``, (r, n_c) -> (r, n_c)."""
-        pieces = [
-            columns_of(rows, span) @ part.flexibility
-            for part, span in zip(self.substructures, self.column_spans, strict=True)
-        ]
-        return np.concatenate(pieces, axis=1)
 
     def compliance(self, G: csr_matrix) -> Array:
         """``G F G'`` for sparse rows over the contact DOFs, (r, n_c) -> (r, r)."""
@@ -87,94 +79,48 @@ class Condensed(Substructures[Substructure]):
             symmetrise(W[rows, rows])
         return W
 
-    def components(self, f: Array, x: Array) -> tuple[Components | None, ...]:
-        """Return what `recover` wants to know of loads: of each body, see `Substructure.components`."""
-        parts = zip(self.substructures, self._parts("f", f), self._parts("x", x), strict=True)
-        return tuple([part.components(*loads) for part, *loads in parts])
+    def load(self, f: Array, x: Array) -> tuple[tuple[Components, ...], Array, Array]:
+        """What `recover` wants to know of loads; forces and displacements of the contact DOFs, (n_c,).
 
-    def _parts(self, what: str, vector: Array) -> list[Array]:
-        """What of a vector is each body's: of one that has not changed the same arrays as before."""
-        known = self._split.get(what)
-        if known is None or known[0] is not vector:
-            known = self._split[what] = vector, [vector[span] for span in self.spans]
-        return known[1]
-
-    def load(self, f: Array, x: Array) -> Array:
-        """Loads condensed onto the contact DOFs, (n_c,)."""
+        Of loads that follow from those before only sums of what is known: see `LoadSpan`.
+        """
         parts = zip(self.substructures, self.spans, strict=True)
-        return np.concatenate([part.load(f[span], x[span]) for part, span in parts])
+        found = [part.components(f[span], x[span]) for part, span in parts]
+        components = tuple([pair for pair in found if pair is not None])
+        if len(components) < len(found):
+            force = self.other_load(f, x)
+            return (), force, self.flexibility(force)
+        known = [c for pair in components for c in pair]
+        counts, c = [len(own) for own in known], np.concatenate(known)
+        if self._along is None or self._along[0] != counts:
+            each = zip(self.substructures, components, strict=True)
+            along = block_diagonal([part.along(own) for part, own in each])
+            self._along = counts, along, self.flexibility(along)
+        _, along, moved = self._along
+        return components, along.dot(c), moved.dot(c)
 
     def other_load(self, f: Array, x: Array) -> Array:
-        """The same of loads that are not to be remembered, (n_c,)."""
+        """Loads condensed onto the contact DOFs, (n_c,); nothing of them is remembered."""
         parts = zip(self.substructures, self.spans, strict=True)
         return np.concatenate([part.other_load(f[span], x[span]) for part, span in parts])
-
-    def along(self, components: Sequence[Components]) -> tuple[Array, Array]:
-        """Loads on the contact DOFs that have one component, of all that there are, (n_c, k).
-
-        And the displacements of the contact DOFs under them: the same on every pairing.
-        """
-        counts, known = [len(c) for pair in components for c in pair], self._along
-        if known is None or known[0] != counts:
-            parts = zip(self.substructures, components, strict=True)
-            force = block_diagonal([part.along(own) for part, own in parts])
-            known = self._along = counts, force, self.flexibility(force)
-        return known[1:]
-
-    def contact_dofs(self, source: Source) -> Array:
-        """Displacements of the contact DOFs, (n_c,) or (n_c, r)."""
-        return self.flexibility(source.values) if source.forces else source.values
 
     def surface(self, source: Source, case: LoadCase) -> Array:
         """Displacements (n,) known without the interior: contact DOFs and prescribed ones."""
         u = np.zeros(self.system.n)
         u[self.system.D] = case.x[self.system.D]
-        u[self.columns] = self.contact_dofs(source)
-        return u
-
-    def recover(
-        self,
-        sources: Source,
-        components: Sequence[tuple[Components | None, ...] | None],
-        cases: Sequence[LoadCase],
-    ) -> list[Array]:
-        """All displacements, r arrays (n,), from r sources (n_c, r)."""
-        u_c = self.contact_dofs(sources)
-        u = [np.array(case.x) for case in cases]
-        for k, (span, kept) in enumerate(zip(self.spans, self.column_spans, strict=True)):
-            part = self.substructures[k]
-            place = span.start + part.order
-            for first in range(0, len(u), RECOVERED_AT_ONCE):
-                some = slice(first, first + RECOVERED_AT_ONCE)
-                x = part.recover(
-                    u_c[kept, some],
-                    [known[k] if known else None for known in components[some]],
-                    [(case.f[span], case.x[span]) for case in cases[some]],
-                )
-                for few in range(0, x.shape[1], 8):  # a copy of all would take as much memory again
-                    columns = np.ascontiguousarray(x[:, few : few + 8].T)
-                    for column, out in zip(columns, u[first + few :], strict=False):
-                        out[place] = column
-                del x  # or it waits while the next one is computed
+        u[self.columns] = self.flexibility(source.values)
         return u
 
     @cached_property
-    def softness(self) -> Array:
-        """How far a unit force moves each contact DOF, all others held, (n_c,) [length/force]."""
-        return np.concatenate([part.softness for part in self.substructures])
-
-    @cached_property
-    def least_softness(self) -> Array | None:
+    def least_softness(self) -> Array:
         """Return how far a unit force moves each contact DOF at least, (n_c,) [length/force].
 
-        By Gershgorin's circles ``S + P P' <= diag(sum_j |K_ij|) + P P'``. None where K is elsewhere.
+        By Gershgorin's circles ``S + P P' <= diag(sum_j |K_ij|) + P P'``.
         """
-        if not all(isinstance(part.K, csr_matrix) for part in self.substructures):
-            return None
         rows = [np.asarray(abs(p.K[p.kept]).sum(axis=1)).ravel() for p in self.substructures]
-        return np.asarray(1.0 / (np.concatenate(rows) + np.sum(self.P**2, axis=1)))
+        return np.asarray(1.0 / (np.concatenate(rows) + self.P.power(2) @ np.ones(self.P.shape[1])))
 
-    def attach(self, on: PosedOn, prefer: Mask, labels: Sequence[str]) -> ContactProblem:
+    def attach(self, on: PosedOn) -> ContactProblem:
         """The contact problem on one pairing."""
         return PointProblem(self, on)
 
@@ -184,45 +130,38 @@ class PointProblem(OnContactDofs):
 
     def __init__(self, bodies: Condensed, on: PosedOn) -> None:
         super().__init__(bodies, on)
-        self._every = not self.slips or bool(on.slipping[on.kin.paired].all())  # that have slips
-        if bodies.P.size:
-            self.G = stacked_rows([self.G, bodies.anchor_rows])
-        W = bodies.compliance(self.G)
+        if bodies.P.nnz:
+            self.G = stacked_rows([self.G, csr_matrix(bodies.P.T)])
+        W, self.unknowns = bodies.compliance(self.G), self.q
         stable = all(part.definite for part in bodies.substructures)
-        self.compliance = Compliance(W, self.normal_rows, self.tangential_rows, self.q, stable)
-        self.zones, self.unknowns = Zones(self.compliance), self.q
+        whole = Compliance(W, self.normal_rows, self.tangential_rows, self.q, stable)
+        self.compliance = whole
         try:
-            if not self.compliance.independent(self.G, bodies.least_softness):
+            if whole.small or not (stable and independent(self.G, bodies.least_softness, W.diagonal())):
                 self.zones.whole()
         except SingularMatrix:  # is told to whom it matters
             pass
         except LinAlgError:  # rows that depend on each other: corners, chains, tools that are held
-            if on.independent is not None and on.independent():
-                self._take_all()
-            else:
-                softness = bodies.softness
-                self.springs = spring_compliance(
-                    self.rows, self.slips, lambda B: B.multiply(B) @ softness
-                )
-                self._give_way(self.springs, self.springs[:, None])
-                self.unknowns = 0
-        # what follows from loads that have one component, of so many as there were of each kind
-        self._follows = np.zeros((len(bodies.columns) + len(W), 0))
-        self._counts: list[int] = []
+            if on.independent():
+                # it is a body that flows or buckles that makes them alike: they are taken as they are
+                self._give_way(np.zeros(on.kin.m), np.zeros(self.tangential_rows.shape))
+                try:
+                    self.zones.whole()
+                except LinAlgError as error:
+                    raise SingularMatrix(str(error)) from None
+                return
+            self.springs = spring_compliance(self.rows, self.slips, bodies.softness)
+            self._give_way(self.springs, self.springs[:, None])
+            self.unknowns = 0
+
+    @cached_property
+    def zones(self) -> Zones:
+        """Of this problem's memory."""
+        return Zones(self.compliance)
 
     def _begin_anew(self) -> None:
         super()._begin_anew()
-        if hasattr(self, "compliance"):
-            self.zones = Zones(self.compliance)
-
-    def _take_all(self) -> None:
-        """Take the rows as they are: it is a body that flows or buckles that makes them alike."""
-        self.compliance = self.compliance.with_springs(np.zeros(self.q))
-        self._begin_anew()
-        try:
-            self.zones.whole()
-        except LinAlgError as error:
-            raise SingularMatrix(str(error)) from None
+        vars(self).pop("zones", None)
 
     def _give_way(self, normal: Array, tangential: Array) -> None:
         """See all points through springs of these compliances, (m,) and (m, d-1), and no others."""
@@ -242,54 +181,25 @@ class PointProblem(OnContactDofs):
 
         Where points are seen through springs, what its own DOFs resist: anchors depend on numbering.
         """
-        if self.springs is None and self._every:
-            return resistance_by(self.compliance.W, self.normal_rows, self.tangential_rows)
         if self.springs is None:
-            return point_resistance(self.rows, self.slips, self.bodies.row_flexibility)
-        given = diags(STIFFER * self.bodies.softness)
-        return point_resistance(self.rows, self.slips, lambda rows: rows @ given)
+            return resistance_by(self.compliance.W, self.normal_rows, self.tangential_rows)
+        return point_resistance(self.rows, self.slips, self.bodies.softness)
 
     def load(self, case: LoadCase) -> Load:
         """A load case on gaps and slips."""
-        components = self.bodies.components(case.f, case.x)
-        whole = [pair for pair in components if pair is not None]
-        if len(whole) == len(components):
-            known = [c for pair in whole for c in pair]
-            counts = [len(c) for c in known]
-            if counts != self._counts:
-                self._counts, self._follows = counts, self._following(*self.bodies.along(whole))
-            found = self._follows.dot(np.concatenate(known))
-        else:
-            force = self.bodies.load(case.f, case.x)
-            found = self._following(force, self.bodies.flexibility(force))
-        return self._load(case, found, components)
+        return self._load(case, *self.bodies.load(case.f, case.x))
 
     def other_load(self, case: LoadCase) -> Load:
         """A load case that is like no other, or one of its derivatives: nothing of it is remembered."""
         force = self.bodies.other_load(case.f, case.x)
-        return self._load(case, self._following(force, self.bodies.flexibility(force)), ())
+        return self._load(case, (), force, self.bodies.flexibility(force))
 
-    def _load(self, case: LoadCase, found: Array, components: tuple[Any, ...]) -> Load:
-        rows = len(self.compliance.W)
-        return Load(np.zeros(0), *self.constant(case), found[rows:], components, found[:rows])
-
-    def _following(self, f_c: Array, u_c: Array) -> Array:
-        """Changes of gaps, slips and anchors; then the loads themselves.
-
-        From loads on the contact DOFs, (n_c,) or (n_c, r), and the displacements that follow from them.
-        """
-        return np.concatenate([self.G @ u_c, f_c])
+    def _load(self, case: LoadCase, components: tuple[Components, ...], force: Array, u: Array) -> Load:
+        return Load(np.zeros(0), *self.constant(case), force, components, self.G @ u)
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Gaps, slips and forces under these conditions."""
         return self.zones.solve(conditions, load)
-
-    def in_series(self, C: Resistance) -> PointProblem:
-        """The same problem with springs of the stiffness C in series with its points."""
-        new = copy(self)
-        new.springs = None  # that are to lose their strain
-        new._give_way(1.0 / C.normal, 1.0 / C.tangential[:, None])
-        return new
 
 
 def dense_bytes(kept: Sequence[int], rows: int) -> int:

@@ -16,31 +16,124 @@ being the point's own stiffness, is
     ``P z_t + (1 - P) (p_t + coupling p_n) / r = known``     with     ``P = K (K + r)^-1``:
 
 all between free slip, ``P = 0``, and sticking, ``P = 1``, in one scale.
+
+A stiffness of the points that is cheap preconditions the iterated contact problem (`Layers`).
+Forces on points move them by ``G F G'``; the inverse of that is a stiffness ``S`` of the bodies'
+surfaces. It is well approximated by that of a layer of few elements under each surface, the rest of
+the body held (`S_b`), and by sharing what two surfaces move against each other out to both, the
+softer moving more (D: diagonal of K),
+
+    S = Q^-1 (sum over bodies of G D^-1 S_b D^-1 G') Q^-1,     Q = G D^-1 G',
+
+the preconditioner of dual domain decomposition [1]_ for a layer in place of a body: with four elements
+it takes 20 iterations where the whole body takes 13 and the surface's own entries of K take 45 (1089
+points that all touch).
+
+References
+----------
+.. [1] A. Klawonn and O. B. Widlund, FETI and Neumann-Neumann iterative substructuring methods,
+   Communications on Pure and Applied Mathematics 54 (2001) 57-90.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from copy import copy
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, diags
+from scipy.sparse.linalg import splu
 
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index
+from skfem_contact.bodies.body import Body
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import lu
 from skfem_contact.linalg.krylov import Iterated, gmres
-from skfem_contact.problem.response import Conditions, Load, Resistance, Response, friction_force
-from skfem_contact.problem.seam import OnContactDofs, PosedOn
-from skfem_contact.problem.sparse import DependentRows
-from skfem_contact.problem.springs import point_resistance
-from skfem_contact.problem.thresholds import ROUGHLY, STIFFER
-from skfem_contact.problem.whole import Layers, Whole
+from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky, SurfaceResponse
+from skfem_contact.problem.full import DependentRows
+from skfem_contact.problem.seam import (
+    Conditions,
+    Load,
+    OnContactDofs,
+    PosedOn,
+    Resistance,
+    Response,
+    friction_force,
+)
+from skfem_contact.problem.springs import independent, point_resistance
+from skfem_contact.problem.thresholds import LAYERS, ROUGHLY
 from skfem_contact.records import dataclass
+
+
+class Layer:
+    """The layer of a body under its contact DOFs.
+
+    Parameters
+    ----------
+    part : WholeBody
+    """
+
+    def __init__(self, part: Any) -> None:
+        K, columns = part.K, part.columns
+        inside = np.zeros(K.shape[0])
+        inside[columns] = 1.0
+        for _ in range(LAYERS):
+            inside = (abs(K) @ inside > 0).astype(float)
+        inside[part.body.D] = inside[columns] = 0.0
+        layer = np.flatnonzero(inside)
+        # springs on anchors count where these touch: without them the layer would follow a rigid motion
+        springs = np.zeros(len(columns))
+        springs[np.searchsorted(columns, part.anchors)] = part.springs
+        self._K_cc = csr_matrix(K[columns][:, columns] + diags(springs))
+        self._K_cl = csr_matrix(K[columns][:, layer])
+        K_ll = csr_matrix(K[layer][:, layer])
+        factor = MultifrontalCholesky(K_ll, part.body.dof_points[layer])
+        near = np.unique(self._K_cl.indices)
+        self._K_cl = self._K_cl[:, near]
+        self._inverse = SurfaceResponse(factor, near, single=True)
+
+    def stiffness(self, u: Array) -> Array:
+        """Forces on the contact DOFs that hold them at displacements, (n_c,) -> (n_c,)."""
+        return np.asarray(self._K_cc @ u - self._K_cl @ self._inverse(self._K_cl.T @ u))
+
+
+class Layers:
+    """The layers of all bodies, and the rows of the points over them.
+
+    Parameters
+    ----------
+    bodies : IteratedBodies
+    """
+
+    def __init__(self, bodies: Any) -> None:
+        parts = zip(bodies.substructures, bodies.column_spans, strict=True)
+        # rigid bodies have no layer: what moves are the others
+        self._layers = [
+            (Layer(part), span)
+            for part, span in parts
+            if isinstance(part.body, Body) and len(part.columns)
+        ]
+        self._softness = bodies.softness
+
+    def stiffness(self, G: csr_matrix) -> Callable[[Array], Array]:
+        """Forces on some rows (r, n_c) that hold them at gaps and slips, (r,) -> (r,)."""
+        shared = csr_matrix(G @ diags(self._softness))
+        Q = csr_matrix(shared @ G.T)
+        # as LU of a symmetric matrix: half the time of the order that knows nothing of it
+        order = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
+        solve = splu(Q.tocsc(), diag_pivot_thresh=0.0, **order).solve
+
+        def force(z: Array) -> Array:
+            u = shared.T @ solve(z)
+            held = np.zeros(len(u))
+            for layer, span in self._layers:
+                held[span] = layer.stiffness(u[span])
+            return np.asarray(solve(shared @ held))
+
+        return force
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,16 +231,15 @@ def _times(A: Array, x: Array) -> Array:
     return np.asarray(np.einsum("ikl,il->ik", A, x))
 
 
-P = TypeVar("P", bound="OnForces")
-
-
 class OnForces(OnContactDofs):
-    """A contact problem on forces.
+    """A contact problem on forces, its equations solved by GMRES.
 
     Attributes
     ----------
     own : ndarray, shape (q,)
         Stiffness of each row by itself, by the diagonal of K [force/length].
+    bare : ndarray, shape (q,)
+        The same without springs in series.
     FP : ndarray, shape (n_c, k)
         What the springs on the anchors do to the contact DOFs.
     iterations : list of int
@@ -158,37 +250,34 @@ class OnForces(OnContactDofs):
     DependentRows
     """
 
-    def __init__(self, bodies: Whole[Any], on: PosedOn) -> None:
+    equations: type[HeldForces]
+
+    def __init__(self, bodies: Any, on: PosedOn) -> None:
         super().__init__(bodies, on)
         self.layers = Layers(bodies)
-        if not self.layers.independent(self.G, self._positions()):
+        if not independent(self.G, bodies.softness):  # as slips are that only rigid bodies make
             raise DependentRows  # they are solved with all DOFs
-        self.own = 1.0 / self.layers.compliance(self.G)
+        self.own = self.bare = 1.0 / (self.G.multiply(self.G) @ bodies.softness)
         self._share = np.ones(self.q)
-        columns = [bodies.flexibility(column) for column in bodies.P.T]
-        self.FP = np.column_stack(columns) if columns else bodies.P
+        columns = [bodies.flexibility(column) for column in bodies.P.T.toarray()]
+        self.FP = np.column_stack(columns) if columns else np.zeros(bodies.P.shape)
         self.iterations: list[int] = []
 
     @cached_property
     def resistance(self) -> Resistance:
         """Return what each point resists by itself, by the diagonal of K."""
-        return point_resistance(
-            self.rows, self.slips, lambda rows: STIFFER * self.layers.flexibility(rows)
-        )
+        return point_resistance(self.rows, self.slips, self.bodies.softness)
 
-    def in_series(self: P, C: Resistance) -> P:
-        """The same problem with springs of the stiffness C in series with its points."""
-        new = copy(self)
-        new.give = self.on_rows(1.0 / C.normal, 1.0 / C.tangential[:, None])
-        new._share = 1.0 / (1.0 + self.own * new.give)
-        new.own = self.own * new._share
-        new._begin_anew()
-        return new
+    def _give_way(self, normal: Array, tangential: Array) -> None:
+        self.give = self.on_rows(normal, tangential)
+        self._share = 1.0 / (1.0 + self.bare * self.give)
+        self.own = self.bare * self._share
+        self._begin_anew()
 
     def _begin_anew(self) -> None:
         super()._begin_anew()
         self._stiffness: tuple[Index, Callable[[Array], Array]] | None = None
-        self._last: tuple[Any, ...] = (None,)  # load and answer of the iteration before
+        self._last: tuple[Any, Any] = None, None  # load and answer of the iteration before
 
     def stiffness(self, rows: Index) -> Callable[[Array], Array]:
         """Forces on some of the rows that hold them at gaps and slips, nearly.
@@ -200,63 +289,57 @@ class OnForces(OnContactDofs):
             self._stiffness = rows, lambda z: share * bare(share * z)
         return self._stiffness[1]
 
-    def _positions(self) -> Array:
-        """Return where the point of each row is, (r, d)."""
-        points = np.zeros((self.G.shape[0], self.kin.points.shape[1]))
-        for rows in (self.normal_rows[:, None], self.tangential_rows):
-            point, column = np.nonzero(rows >= 0)
-            points[rows[point, column]] = self.kin.points[point]
-        return points
+    def solve(self, conditions: Conditions, load: Load) -> Response:
+        """Gaps, slips and forces under these conditions, from those of the iteration before."""
+        assert load.moved is not None
+        begin = self._last[1] if self._last[0] is load else None
+        system = self.equations(self, conditions, load)
+        u, p, q = system.found(begin)
+        self._last = load, (u, p, q)
+        z = load.moved[: self.q] + self.G @ u[self.bodies.place] + self.give * p
+        return self.response(conditions, load, z, p, self.solution(u, p, q), system.rough)
 
-    def held(self, conditions: Conditions, load: Load) -> Held:
-        """The rows on which contact acts."""
-        return Held.under(conditions, load, self.normal_rows, self.tangential_rows, self.own)
+    def solution(self, u: Array, p: Array, q: Array) -> Array:
+        """Return what the displacements of the bodies follow from."""
+        raise NotImplementedError
 
     def response(
         self, conditions: Conditions, load: Load, z: Array, p: Array, solution: Array, rough: bool
     ) -> Response:
-        """Gaps, slips and forces of all points from those of the rows, (r,)."""
+        """Gaps, slips and forces of all points from those of the rows, (r,).
+
+        Equations are fulfilled to their tolerance, which a spring that is stiffer than its point would
+        magnify in the force, and a softer one in the slip. Both take a part of what is missing of the
+        law, as in `Held`, so that it is fulfilled to the last digit.
+        """
         # a row of -1, one that can not change, finds the zero at the end
-        z, p = np.append(z, 0.0), np.append(p, 0.0)
+        z, p, own = np.append(z, 0.0), np.append(p, 0.0), np.append(self.own, 0.0)
         exists = self.tangential_rows >= 0
         closed, sticks = conditions.closed & (self.normal_rows >= 0), conditions.stick[:, None] & exists
         gap, slip = load.gap0 + z[self.normal_rows], load.slip0 + z[self.tangential_rows]
         gap[closed], slip[sticks] = 0.0, conditions.anchor[sticks]
         normal_force = np.where(closed, p[self.normal_rows], 0.0)
-        found = np.where(conditions.closed[:, None] & exists, -p[self.tangential_rows], 0.0)
+        tangential = np.where(conditions.closed[:, None] & exists, -p[self.tangential_rows], 0.0)
         rubs = (conditions.closed & ~conditions.stick)[:, None]
-        slip, tangential = self._lawful(conditions, rubs & exists, slip, found, normal_force)
+        lawful = friction_force(conditions, slip - conditions.anchor, normal_force)
+        missing = np.where(rubs & exists, tangential - lawful, 0.0)
+        at = np.flatnonzero(missing.any(axis=1))
+        r, gives = np.max(own[self.tangential_rows[at]], axis=1, initial=0.0)[:, None], exists[at]
+        K = np.where(gives[:, :, None] & gives[:, None, :], conditions.spring[at], 0.0)
+        moved = np.linalg.solve(K + r[:, None] * np.eye(gives.shape[1]), missing[at, :, None])[:, :, 0]
+        slip[at] += moved
+        tangential[at] -= r * moved
         if not exists.all():
             # along a tangent whose slip supports prescribe there is only the law to ask
             lawful = friction_force(conditions, slip - conditions.anchor, normal_force)
             tangential = np.where(rubs & ~exists, lawful, tangential)
         return Response(gap, slip, normal_force, tangential, solution, rough)
 
-    def _lawful(
-        self, conditions: Conditions, gives: Mask, slip: Array, found: Array, normal_force: Array
-    ) -> tuple[Array, Array]:
-        """Slips and friction forces that fulfil the law to the last digit, where they give (m, t).
-
-        Equations are fulfilled to their tolerance, which a spring that is stiffer than its point would
-        magnify in the force, and a softer one in the slip. Both take a part of it, as in `Held`.
-        """
-        lawful = friction_force(conditions, slip - conditions.anchor, normal_force)
-        missing = np.where(gives, found - lawful, 0.0)
-        if not missing.any():
-            return slip, found
-        at = np.flatnonzero(missing.any(axis=1))
-        r = np.max(np.append(self.own, 0.0)[self.tangential_rows[at]], axis=1)[:, None]
-        both = gives[at, :, None] & gives[at, None, :]
-        K = np.where(both, conditions.spring[at], 0.0) + r[:, None] * np.eye(gives.shape[1])
-        moved = np.zeros(slip.shape)
-        moved[at] = np.linalg.solve(K, missing[at, :, None])[:, :, 0]
-        taken = np.zeros(slip.shape)
-        taken[at] = r * moved[at]
-        return slip + moved, found - taken
-
 
 class HeldForces(ABC):
     """The equations of held rows, and forces that about fulfil them, the springs on anchors included.
+
+    Unknowns and residuals have one unit, the root of an energy.
 
     Parameters
     ----------
@@ -271,6 +354,8 @@ class HeldForces(ABC):
         Whether the equations need not be fulfilled, and then, whether they are not.
     scale : ndarray, shape (h,)
         Roots of the rows' own stiffness: forces divided by it and gaps times it have one unit.
+    size : ndarray
+        The same of the displacements that are unknowns.
 
     Raises
     ------
@@ -278,10 +363,14 @@ class HeldForces(ABC):
         The rows do not hold the bodies.
     """
 
+    size = np.zeros(0)
+
     def __init__(self, problem: OnForces, conditions: Conditions, load: Load) -> None:
-        self.held = held = problem.held(conditions, load)
-        self.P, self.rough, self._counts = problem.bodies.P, conditions.rough, problem.iterations
-        self.scale = np.sqrt(problem.own[held.rows])
+        rows = problem.normal_rows, problem.tangential_rows
+        self.held = held = Held.under(conditions, load, *rows, problem.own)
+        self.problem, self.bodies, self.load = problem, problem.bodies, load
+        self.P, self.rough = problem.bodies.P, conditions.rough
+        self.scale, self.give = np.sqrt(problem.own[held.rows]), problem.give[held.rows]
         self.G = csr_matrix(problem.G[held.rows])
         self._stiffness = problem.stiffness(held.rows)
         # with forces nearly eliminated, the springs on the anchors are left, a small dense problem
@@ -294,8 +383,9 @@ class HeldForces(ABC):
         if not self._rigid.even(SOLVED):
             raise SingularMatrix("the points that are closed do not hold the bodies")
 
-    # Share of the residual of the iterate before that may be left.
-    closer = 1.0
+    @abstractmethod
+    def found(self, begin: tuple[Array, Array, Array] | None) -> tuple[Array, Array, Array]:
+        """Displacements, forces on all rows and extensions, from such to begin with."""
 
     @abstractmethod
     def _product(self, x: Array) -> Array:
@@ -305,13 +395,33 @@ class HeldForces(ABC):
     def _precondition(self, r: Array) -> Array:
         """Unknowns for some left-hand sides, about."""
 
-    def iterated(self, b: Array, begin: Array, tolerance: float, most: int) -> Iterated:
+    def parts(self, x: Array) -> tuple[Array, Array, Array]:
+        """Displacements, forces on held rows and extensions, from all in one unit."""
+        u, p, q = np.split(x, np.cumsum([len(self.size), len(self.scale)]))
+        return u / self.size, p * self.scale, q
+
+    def joined(self, u: Array, p: Array, q: Array) -> Array:
+        """`parts` backwards."""
+        return np.concatenate([u * self.size, p / self.scale, q])
+
+    def iterated(
+        self, b: Array, begin: tuple[Array, Array, Array] | None, tolerance: float, most: int
+    ) -> Iterated:
         """Unknowns by GMRES, from some to begin with; counted."""
-        given = self._product, b, self._precondition, begin, tolerance, most
-        found = gmres(*given, closer=self.closer, roughly=ROUGHLY if self.rough else 0.0)
-        self._counts.append(found.iterations)
+        x = np.zeros(len(b))
+        if begin is not None:
+            x = self.joined(begin[0][: len(self.size)], begin[1][self.held.rows], begin[2])
+        given = self._product, b, self._precondition, x, tolerance, most
+        found = gmres(*given, roughly=ROUGHLY if self.rough else 0.0)
+        self.problem.iterations.append(found.iterations)
         self.rough = self.rough and found.enough and found.residual > tolerance
         return found
+
+    def on_all(self, p: Array) -> Array:
+        """Forces on held rows as such on all rows."""
+        out = np.zeros(self.problem.q)
+        out[self.held.rows] = p
+        return out
 
     def solved(self, known: Array, extensions: Array) -> tuple[Array, Array]:
         """Forces (h,) and extensions (k,) for right-hand sides of both."""
@@ -320,11 +430,3 @@ class HeldForces(ABC):
             q = self._rigid.solve(extensions - self._back @ p)
             p = p - self._forces.T @ q
         return p, q
-
-
-def could_not(what: str, share: float, iterations: int) -> SingularMatrix:
-    """The error for forces that were not found."""
-    return SingularMatrix(
-        f"the contact forces could not be found: {share:.1e} of {what} is left after {iterations} "
-        "iterations. Usually the points that are closed hardly hold the bodies"
-    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,6 @@ from skfem_contact.conditions.interface import Interface, point_labels, secondar
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid_motions
-from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.resources import Limits, single_threaded
 from skfem_contact.once import Lock, once
 from skfem_contact.pairing.vectors import entries
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
     from skfem_contact.problem.full import FullSystem
     from skfem_contact.problem.iterated import IteratedBodies, MultigridBodies
 
-    AnyBodies = Condensed | IteratedBodies | MultigridBodies | FullSystem
+    AnyBodies: TypeAlias = Condensed | IteratedBodies | MultigridBodies | FullSystem
 
 
 EVEN_CLOSED = "even with every contact point closed"
@@ -87,22 +86,16 @@ class LinearModel:
         check_distributed(self.linear, self.stiffness)
         self.timings = timings
         self._reuse, self._steps = list(reuse), steps
-        self._bodies: AnyBodies | None = None
-        self._base: ContactProblem | None = None
-        self._for_pivoting: Condensed | None = None
         self._sprung: dict[bytes, LinearModel] = {}
-        self._moves: tuple[Array, tuple[float, ...]] | None = None
-        self._tangent_of: LinearModel | None = None
-        self._undeformed: LinearModel | None = None
+        self._undeformed: LinearModel | None = None  # of which this has the tangents
         self._lock = Lock()
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what is computed: elsewhere bodies are condensed when they are first asked for."""
         known = {**vars(self), "linear": carried(self.linear, "linear"), "_sprung": {}, "_reuse": []}
-        for made in ("_wanted", "choice", "for_tangents"):
+        for made in ("_wanted", "choice", "bodies", "_base", "_for_pivoting", "for_tangents"):
             known.pop(made, None)
-        computed = "_bodies", "_base", "_for_pivoting", "_moves", "_tangent_of", "_undeformed"
-        return known | dict.fromkeys(computed)
+        return known | {"_undeformed": None}
 
     @cached_property
     def diagonals(self) -> tuple[Array, ...]:
@@ -126,12 +119,8 @@ class LinearModel:
 
     def moves(self, case: LoadCase) -> tuple[float, ...]:
         """Largest prescribed displacement of each body [length]."""
-        known = self._moves
-        if known is None or known[0] is not case.x:
-            moved = np.abs(case.x[self.system.D])
-            found = tuple([largest(moved[part]) for part in self.system.supports])
-            known = self._moves = case.x, found
-        return known[1]
+        moved = np.abs(case.x[self.system.D])
+        return tuple([largest(moved[part]) for part in self.system.supports])
 
     def with_interface(
         self, interface: Interface, timings: dict[str, float], geometry: Geometry
@@ -143,9 +132,10 @@ class LinearModel:
         twin = self._like(geometry=geometry, interface=interface, motions=motions, timings=timings)
         if same and own:
             self.prepare()
-            twin._bodies, twin._base = self._bodies, self._base
+            made = vars(self).keys() & {"bodies", "_base"}
+            vars(twin).update({name: vars(self)[name] for name in made})
         elif same and np.array_equal(twin._wanted, self._wanted):  # slips have other axes
-            twin._bodies = self.bodies
+            vars(twin)["bodies"] = self.bodies
         return twin
 
     def with_springs(self, springs: NDArray[np.float64]) -> LinearModel:
@@ -194,7 +184,7 @@ class LinearModel:
         """
         with self._lock:
             choice = self.choice.expecting(steps)
-            used = self._bodies is not None or self._sprung  # those have their choice from here
+            used = "bodies" in vars(self) or self._sprung  # those have their choice from here
             if used and (new := choice.way) != (old := self.choice.way):
                 reuse = self.substructures if new[0] == old[0] else ()
                 return self._like(reuse=reuse, steps=choice.steps)
@@ -214,16 +204,17 @@ class LinearModel:
         if motions.k:
             motions = rigid_motions(self.system, self.kin, list(stiffness))
         twin = self._like(stiffness=stiffness, motions=motions, reuse=reuse, steps=0.0)
-        twin._tangent_of = twin._undeformed = self
+        twin._undeformed = self
         for name in ("_wanted", "_prefer", "labels", "choice"):  # of the pairing and the pattern of K
             vars(twin)[name] = getattr(self, name)
         return twin
 
-    def _keep_parts(self, twin: LinearModel) -> None:
+    def _keep_parts(self, bodies: AnyBodies, stiffness: Sequence[csr_matrix]) -> None:
         """Take the bodies that another model has condensed, and that are the same here."""
-        if self._bodies is not None or self.substructures:
+        if "bodies" in vars(self) or self.substructures:
             return
-        known = zip(twin.substructures, self.stiffness, twin.stiffness, strict=False)
+        parts = getattr(bodies, "substructures", ())
+        known = zip(parts, self.stiffness, stiffness, strict=False)
         self._reuse = [part if own is other else None for part, own, other in known]
 
     def prepare(self) -> None:
@@ -233,22 +224,18 @@ class LinearModel:
         else:
             self.problem_on(None, None)
 
-    @property
+    @once
     def bodies(self) -> AnyBodies:
         """The linear problem of the bodies without contact, made when first asked for."""
-        if self._bodies is None:
-            with self._lock:
-                if self._bodies is None:
-                    self._check_support()
-                    start = time.perf_counter()
-                    with single_threaded:
-                        made = self._made(self.route)
-                    self.timings["condensation"] = time.perf_counter() - start
-                    self._bodies = made
-                    if self._tangent_of is not None:
-                        self._tangent_of._keep_parts(self)
-                        self._tangent_of = None
-        return self._bodies
+        if self.loose.shape[1]:
+            raise no_equilibrium(self.motions, self.loose, EVEN_CLOSED)
+        start = time.perf_counter()
+        with single_threaded:
+            made = self._made(self.route)
+        self.timings["condensation"] = time.perf_counter() - start
+        if self._undeformed is not None:
+            self._undeformed._keep_parts(made, self.stiffness)
+        return made
 
     def _made(self, route: str) -> AnyBodies:
         parts = self.system, self.stiffness, self._wanted, self._reuse
@@ -258,11 +245,10 @@ class LinearModel:
         from skfem_contact.problem.full import FullSystem
         from skfem_contact.problem.iterated import IteratedBodies, MultigridBodies
 
-        if route == "iterated":
-            return IteratedBodies(*parts, self.choice.backend)
-        if route == "multigrid":
-            return MultigridBodies(*parts, self.choice.backend)
-        return FullSystem(self.system, self.stiffness, self.choice.backend)
+        if route == "full":
+            return FullSystem(self.system, self.stiffness, self.choice.backend)
+        kind = IteratedBodies if route == "iterated" else MultigridBodies
+        return kind(*parts, self.choice.backend)
 
     @property
     def known(self) -> np.ndarray:
@@ -273,7 +259,7 @@ class LinearModel:
     def substructures(self) -> list[Substructure | None]:
         """The bodies as condensed so far; empty where they are not."""
         # those of the condensed and of the iterated route
-        return list(getattr(self._bodies, "substructures", self._reuse))
+        return list(getattr(vars(self).get("bodies"), "substructures", self._reuse))
 
     @cached_property
     def choice(self) -> Choice:
@@ -292,56 +278,43 @@ class LinearModel:
 
     def problem_on(self, kin: Kinematics | None, u: Array | None) -> ContactProblem:
         """The contact problem on a pairing; without one, on that of the undeformed bodies."""
-        if kin is not None:
-            return self._posed(kin, u)
-        if self._base is None:
-            with self._lock:
-                if self._base is None:
-                    self._base = self._posed(None, u)
-        return self._base
+        return self._base if kin is None else self._posed(self.bodies, kin, u)
 
-    def _posed(self, kin: Kinematics | None, u: Array | None) -> ContactProblem:
-        bodies = self.bodies
-        seal(self.kin if kin is None else kin)
-        start = time.perf_counter()
-        with single_threaded:
-            problem = self._attach(bodies, kin, u)
-        spent = time.perf_counter() - start
-        with self._lock:
-            self.timings["contact problem"] = self.timings.get("contact problem", 0.0) + spent
-        return problem
+    @once
+    def _base(self) -> ContactProblem:
+        return self._posed(self.bodies, self.kin, None)
 
-    def _attach(self, bodies: AnyBodies, kin: Kinematics | None, u: Array | None) -> ContactProblem:
-        own = self.kin if kin is None else kin
-        motions = self.motions if kin is None else self.motions.seen_by(kin)
-        base = self._undeformed
+    def _posed(self, bodies: AnyBodies, kin: Kinematics, u: Array | None) -> ContactProblem:
+        own, base = kin is self.kin, self._undeformed
 
         def independent() -> bool:
-            return base is not None and base.problem_on(kin, u).springs is None
+            return base is not None and base.problem_on(None if own else kin, u).springs is None
 
-        on = PosedOn(own, motions, u, self.interface.slipping, independent)
-        return bodies.attach(on, self._prefer, self.labels)
-
-    @property
-    def condenses(self) -> bool:
-        """Return whether there is a problem on gaps and slips: see `on_points`."""
-        sparse = self.route == "full" and isinstance(self.choice.backend, Direct)
-        return self.route == "condensed" or sparse or self.choice.condensable
+        motions = self.motions if own else self.motions.seen_by(kin)
+        seal(kin)
+        on = PosedOn(kin, motions, u, self.interface.slipping, self._prefer, independent)
+        start = time.perf_counter()
+        with single_threaded:
+            problem = bodies.attach(on)
+        with self._lock:
+            before = self.timings.get("contact problem", 0.0)
+            self.timings["contact problem"] = before + time.perf_counter() - start
+        return problem
 
     def on_points(self, problem: ContactProblem) -> ContactProblem:
         """The same problem on gaps and slips; on the sparse route condensed for this alone.
 
-        Not in place of an iterative solver, which is chosen where a factorisation is too much. The
-        problem is one that nobody else solves at the moment.
+        The problem is one that nobody else solves at the moment.
         """
-        if self.route == "condensed" or not self.condenses:
+        if self.route == "condensed" or not self.choice.condenses:
             return problem
-        with self._lock:
-            if self._for_pivoting is None:
-                self._for_pivoting = Condensed(self.system, self.stiffness, self._wanted)
         if problem.on_points is None:
-            problem.on_points = self._attach(self._for_pivoting, problem.kin, problem.u)
+            problem.on_points = self._posed(self._for_pivoting, problem.kin, problem.u)
         return problem.on_points
+
+    @once
+    def _for_pivoting(self) -> Condensed:
+        return Condensed(self.system, self.stiffness, self._wanted)
 
     @once
     def for_tangents(self) -> PointProblem | None:
@@ -349,7 +322,7 @@ class LinearModel:
 
         It is read by several threads at once: nothing but its matrices is to be used.
         """
-        if not self.condenses:
+        if not self.choice.condenses:
             return None
         with single_threaded:
             found = self.on_points(self.problem_on(None, None))
@@ -388,7 +361,3 @@ class LinearModel:
         if self.geometry.follows:  # other points will meet
             return np.zeros((self.motions.k, 0))
         return self.motions.free(self.kin.paired, self.interface.slipping & self.kin.paired)
-
-    def _check_support(self) -> None:
-        if self.loose.shape[1]:
-            raise no_equilibrium(self.motions, self.loose, EVEN_CLOSED)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.arrays import Array, Index
 from skfem_contact.linalg.dense_factors import DenseFactors, blocks, factorised
-from skfem_contact.problem.response import Conditions, Load, Response, friction_force
+from skfem_contact.problem.seam import Conditions, Load, Response, friction_force
 from skfem_contact.records import dataclass
 
 # What rows of -1 find at the end of a vector: those that can not change.
@@ -279,15 +279,3 @@ class PointSpace:
         friction = friction_force(conditions, way, normal_force)
         tangential[rows.rubs] = friction[rows.rubs]
         return Response(gap, slip, normal_force, tangential, z)
-
-
-def on_rows(
-    values: tuple[Array, ...],
-    normal_rows: Index,
-    tangential_rows: Index,
-    q: int,
-) -> Array:
-    """Values of points (m,) and of their tangents (m, d-1), on the q rows that there are."""
-    out = np.zeros(q + 1)  # the last for rows of -1, which there are not
-    out[normal_rows], out[tangential_rows] = values
-    return out[:q]

@@ -28,6 +28,10 @@ borrow the same ones; only where several run at once there are several.
 
 All that such problems of one pairing share, the stiffness S above all, does not change. What one
 solve has borrowed is its `Workspace`.
+
+One iteration asks one linear question: with these points closed, those sticking and a given linear
+friction law on the rest (`Conditions`), what are the gaps, slips and contact forces (`Response`) under
+this load (`Load`)?
 """
 
 from __future__ import annotations
@@ -36,7 +40,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -52,13 +56,156 @@ from skfem_contact.conditions.kinematics import (
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.rows import stacked_rows
-from skfem_contact.digits import GIVEN
+from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import ContactError
-from skfem_contact.problem.points import PointSpace, on_rows
-from skfem_contact.problem.response import Conditions, Load, Resistance, Response, Source
 from skfem_contact.records import dataclass
 
 P = TypeVar("P", bound="ContactProblem")
+
+
+@dataclass(eq=False)
+class Conditions:
+    r"""The conditions at every point during one linear solve.
+
+    A closed point has no gap. If it sticks, its slip is `anchor`; otherwise its friction force is
+    ``tau = offset + spring (s - anchor) + coupling lambda``: springs may be far stiffer than points,
+    and what they give is then a small part of the slip. An open point carries nothing.
+
+    Attributes
+    ----------
+    closed, stick : ndarray of bool, shape (m,)
+    anchor, offset, coupling : ndarray, shape (m, d-1)
+        [length], [force], [1]
+    spring : ndarray, shape (m, d-1, d-1)
+        [force/length]
+    rough : bool
+        Whether an answer on the way will do: where linear problems are iterated, one that leaves a
+        hundredth of what is wrong with the iterate before.
+    """
+
+    closed: Mask
+    stick: Mask
+    anchor: Array
+    spring: Array
+    offset: Array
+    coupling: Array
+    rough: bool = False
+
+    @cached_property
+    def gives(self) -> bool:
+        """Return whether any point has a spring."""
+        return bool(np.count_nonzero(self.spring))
+
+    @property
+    def even_springs(self) -> bool:
+        """Return whether all springs are symmetric.
+
+        They are not where a bound grows with the slip: the force along the direction of friction then
+        changes with slip along another, that of all slip so far.
+        """
+        spring = self.spring
+        if spring.shape[1] == 1 or not self.gives:
+            return True
+        return not np.count_nonzero(_skewed(spring))
+
+    def matrix_key(self) -> bytes:
+        """Equal for conditions with the same matrix, so that a factorisation can be kept."""
+        masks = self.closed.tobytes() + self.stick.tobytes()
+        return masks + self.spring.tobytes() + self.coupling.tobytes()
+
+
+def odd_round_off(spring: Array) -> Array:
+    """Return what takes springs (m, t, t) that count as symmetric from being so; zero for the others.
+
+    >>> odd_round_off(np.array([[[2.0, 1e-12], [0.0, 2.0]], [[2.0, 1.0], [0.0, 2.0]]])).tolist()
+    [[[0.0, 5e-13], [-5e-13, 0.0]], [[0.0, 0.0], [0.0, 0.0]]]
+    """
+    odd = 0.5 * (spring - spring.swapaxes(1, 2))
+    odd[_skewed(spring)] = 0.0
+    return odd
+
+
+def _skewed(spring: Array) -> Mask:
+    """Springs (m, t, t) that differ from their transposes by more than round-off."""
+    size = np.max(np.abs(spring), axis=(1, 2))
+    skew = np.max(np.abs(spring - spring.swapaxes(1, 2)), axis=(1, 2))
+    return np.asarray(skew > SOLVED * size)
+
+
+@dataclass(eq=False)
+class Response:
+    """Gaps, slips and forces of all points, and the solution in the space's own unknowns.
+
+    `rough`: bodies are not yet in equilibrium as well as they will be, see `Conditions`.
+    """
+
+    gap: Array
+    slip: Array
+    normal_force: Array
+    tangential_force: Array
+    solution: Array
+    rough: bool = False
+
+
+class Resistance(NamedTuple):
+    """The resistance of each point by itself, the others free to move, (m,) [force/length].
+
+    Attributes
+    ----------
+    normal : ndarray, shape (m,)
+        Against a change of its gap.
+    tangential : ndarray, shape (m,)
+        Against slip, in the direction in which it resists least.
+    """
+
+    normal: Array
+    tangential: Array
+
+
+@dataclass(eq=False)
+class Load:
+    """One load step in the unknowns of a space: forces and initial gaps and slips.
+
+    Attributes
+    ----------
+    force : ndarray
+        Empty where it follows from `moved`.
+    components : tuple
+        What the bodies remember of the load, for the interior.
+    moved : ndarray
+        Changes of gaps, slips and anchors where contact carries nothing; on gaps and slips.
+    """
+
+    force: Array
+    gap0: Array
+    slip0: Array
+    prescribed: Array
+    components: tuple[Any, ...] = ()
+    moved: Array | None = None
+
+
+@dataclass(eq=False)
+class Source:
+    """The forces or displacements that the displacements of the bodies follow from.
+
+    Attributes
+    ----------
+    values : ndarray, shape (n_c,) or (n_c, r), or with n in place of n_c
+        Forces on the contact DOFs, contact forces included; or displacements of the contact DOFs; or
+        of all DOFs.
+    forces : bool
+    """
+
+    values: Array
+    forces: bool
+
+
+def friction_force(conditions: Conditions, moved: Array, normal_force: Array) -> Array:
+    """The linear friction law of the points that do not stick exactly, moved from their anchors."""
+    force = conditions.offset
+    if conditions.gives:
+        force = force + np.einsum("ikl,il->ik", conditions.spring, moved)
+    return force + conditions.coupling * normal_force[:, None]
 
 
 class LinearProblem(Protocol):
@@ -75,7 +222,7 @@ class LinearProblem(Protocol):
     """
 
     @property
-    def points(self) -> PointSpace | None: ...
+    def points(self) -> Any: ...
 
     @property
     def springs(self) -> Array | None: ...
@@ -105,6 +252,8 @@ class PosedOn:
         As of `ContactProblem`.
     slipping : ndarray of bool, shape (m,)
         Points with tangential rows.
+    prefer : ndarray of bool, shape (n,), optional
+        DOFs of the secondary surfaces, which are eliminated first.
     independent : callable, optional
         Says that rows do not depend on each other, whatever the digits of a tangent make of them.
     """
@@ -113,7 +262,8 @@ class PosedOn:
     motions: RigidMotions
     u: Array | None
     slipping: Mask
-    independent: Callable[[], bool] | None = None
+    prefer: Mask | None = None
+    independent: Callable[[], bool] = lambda: False
 
 
 class ContactProblem(LinearProblem):
@@ -162,7 +312,7 @@ class ContactProblem(LinearProblem):
         self.on_points: ContactProblem | None = None
 
     @property
-    def points(self) -> PointSpace | None:
+    def points(self) -> Any:
         """None, but of `PointProblem`."""
         return None
 
@@ -172,7 +322,14 @@ class ContactProblem(LinearProblem):
         raise NotImplementedError
 
     def in_series(self, C: Resistance) -> LinearProblem:
-        """The same problem with springs of the stiffness C in series with its points."""
+        """The same problem with springs of the stiffness C in series with its points, and no others."""
+        new = copy(self)
+        new.springs = None  # that are to lose their strain
+        new._give_way(1.0 / C.normal, 1.0 / C.tangential[:, None])
+        return new
+
+    def _give_way(self, normal: Array, tangential: Array) -> None:
+        """See all points through springs of these compliances, (m,) and (m, d-1), and no others."""
         raise NotImplementedError
 
     def load(self, case: LoadCase) -> Load:
@@ -223,15 +380,9 @@ class OnContactDofs(ContactProblem):
         self.give = np.zeros(self.q)
 
     @cached_property
-    def prescribed(self) -> Kinematics | None:
-        """The rows on prescribed DOFs; None where supports do not reach into the contact."""
-        system = self.bodies.system
-        held = np.zeros(system.n, dtype=bool)
-        held[system.D] = True
-        rows = [self.kin.B_n, self.kin.B_t] if self.slips else [self.kin.B_n]
-        if not any(held[B.indices].any() for B in rows):
-            return None
-        return without_columns(self.kin, system.D)
+    def prescribed(self) -> Kinematics:
+        """The rows on prescribed DOFs."""
+        return without_columns(self.kin, self.bodies.system.D)
 
     @cached_property
     def onto_dofs(self) -> tuple[csc_matrix, csc_matrix]:
@@ -254,10 +405,7 @@ class OnContactDofs(ContactProblem):
 
     def constant(self, case: LoadCase) -> tuple[Array, Array]:
         """Initial gaps and slips with what prescribed displacements add."""
-        gap0, slip0 = case.gap0, case.slip0
-        known = self.prescribed
-        if known is None:
-            return gap0, slip0
+        gap0, slip0, known = case.gap0, case.slip0, self.prescribed
         x = case.x[self.bodies.system.D]
         if known.B_n.nnz:
             gap0 = gap0 + known.B_n @ x
@@ -289,6 +437,13 @@ class OnContactDofs(ContactProblem):
     def on_rows(self, normal: Array, tangential: Array) -> Array:
         """Values of points (m,) and of their tangents (m, d-1), on the q rows that there are."""
         return on_rows((normal, tangential), self.normal_rows, self.tangential_rows, self.q)
+
+
+def on_rows(values: tuple[Array, ...], normal_rows: Index, tangential_rows: Index, q: int) -> Array:
+    """Values of points (m,) and of their tangents (m, d-1), on the q rows that there are."""
+    out = np.zeros(q + 1)  # the last for rows of -1, which there are not
+    out[normal_rows], out[tangential_rows] = values
+    return out[:q]
 
 
 def _row_sizes(B: csr_matrix) -> Array:

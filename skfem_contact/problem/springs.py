@@ -15,25 +15,27 @@ are connected: rows of others do not depend on each other.
 Where points stick by friction, `least_friction` goes on from there: of all forces that do the same to
 the bodies, first those with the least friction, in the same mean square, then the least of these.
 
-What each contact point resists by itself are the diagonal blocks of the compliance of all points.
+What each contact point resists by itself are the diagonal blocks of the compliance of all points, or of
+what K's diagonal makes of it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, diags
 from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
 
-from skfem_contact.arrays import Array, Index, Mask, runs
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.digits import COMPUTED
-from skfem_contact.problem.response import Resistance
-from skfem_contact.problem.thresholds import GIVE
+from skfem_contact.problem.seam import Resistance
+from skfem_contact.problem.thresholds import DEPENDENT, GIVE, STIFFER
 
 
-def spring_compliance(kin: Kinematics, slips: bool, compliance: Callable[[csr_matrix], Array]) -> Array:
+def spring_compliance(kin: Kinematics, slips: bool, softness: Array) -> Array:
     """Compliance of the spring of each point, along its normal and its tangents, (m,) [length/force].
 
     Parameters
@@ -42,15 +44,14 @@ def spring_compliance(kin: Kinematics, slips: bool, compliance: Callable[[csr_ma
         With the columns of DOFs that can move.
     slips : bool
         Whether tangential rows are modelled.
-    compliance : callable
-        ``B -> (r,)``, of rows (r, n) how far a unit force on each moves it, by the DOFs' own stiffness.
+    softness : ndarray, shape (n,)
+        How far a unit force on each DOF moves it, by its own stiffness [length/force].
     """
-    own, area = np.asarray(compliance(kin.B_n), dtype=float), np.asarray(kin.area, dtype=float)
+    own, area = kin.B_n.multiply(kin.B_n) @ softness, np.asarray(kin.area, dtype=float)
     pattern = abs(kin.B_n)
-    for k in range(kin.tangents if slips else 0):
-        along = abs(csr_matrix(kin.B_t[k :: kin.tangents]))
-        pattern = pattern + along
-        own = np.where(own > 0, own, compliance(along))
+    for B in _tangential(kin) if slips else ():
+        pattern = pattern + abs(B)
+        own = np.where(own > 0, own, B.multiply(B) @ softness)
     large = area > 0
     area = np.where(large, area, np.mean(area[large]) if large.any() else 1.0)
     count, group = connected_components(pattern @ pattern.T, directed=False)
@@ -59,6 +60,36 @@ def spring_compliance(kin: Kinematics, slips: bool, compliance: Callable[[csr_ma
     mean = weight / np.maximum(np.bincount(group[moves], minlength=count), 1)
     mean = np.where(mean > 0, mean, mean.max(initial=0.0) or 1.0)  # of rows that nothing moves
     return np.asarray(GIVE * mean[group] / area)
+
+
+def _tangential(kin: Kinematics) -> list[csr_matrix]:
+    """Rows of the slips along each tangent."""
+    return [csr_matrix(kin.B_t[k :: kin.tangents]) for k in range(kin.tangents)]
+
+
+def independent(rows: csr_matrix, softness: Array, size: Array | None = None) -> bool:
+    """Return whether no row depends on others as far as DOFs show that move each by itself.
+
+    Parameters
+    ----------
+    rows : csr_matrix, shape (r, n)
+    softness : ndarray, shape (n,)
+        Of the DOFs. Not above the true flexibility F, it proves it of ``B F B'``: no pivot of that is
+        below that of ``B diag(softness) B'``.
+    size : ndarray, shape (r,), optional
+        What pivots are relative to; by default the diagonal of the latter [length/force].
+    """
+    Q = csr_matrix(rows @ diags(softness) @ rows.T)
+    size = Q.diagonal() if size is None else size
+    if not np.all(size > 0.0):
+        return False
+    scale = diags(1.0 / np.sqrt(size))
+    order = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
+    try:
+        pivots = splu((scale @ Q @ scale).tocsc(), diag_pivot_thresh=0.0, **order).U.diagonal()
+    except RuntimeError:  # exactly singular
+        return False
+    return bool(np.min(pivots, initial=1.0) >= DEPENDENT**2)
 
 
 def least_friction(
@@ -128,22 +159,24 @@ def _decomposed(A: Array, size: float) -> tuple[Array, Array, Array]:
     return U[:, some], s[some], V[some]
 
 
-def point_resistance(
-    kin: Kinematics, slips: bool, flexibility: Callable[[csr_matrix], csr_matrix | Array]
-) -> Resistance:
-    """Resistance of each point from rows times the flexibility of the bodies.
+def point_resistance(kin: Kinematics, slips: bool, softness: Array) -> Resistance:
+    """Resistance of each point by the stiffness of its DOFs, as if they were bodies of their own.
+
+    K's diagonal knows nothing of what gives way around a node: a third of it is taken (`STIFFER`).
 
     Parameters
     ----------
     kin : Kinematics
     slips : bool
         Whether tangential rows are modelled.
-    flexibility : callable
-        ``B -> B F``, of rows (r, n) the displacements that unit forces along them cause, (r, n).
+    softness : ndarray, shape (n,)
+        As of `spring_compliance`.
     """
-    t = kin.tangents if slips else 0
-    normal = _blocks(kin.B_n, 1, flexibility)
-    return _resistance(normal, _blocks(kin.B_t, t, flexibility) if t else normal)
+    of_normals, of_tangents = (
+        STIFFER * np.array([[A.multiply(B) @ softness for B in rows] for A in rows]).transpose(2, 0, 1)
+        for rows in ([kin.B_n], _tangential(kin) if slips else [kin.B_n])
+    )
+    return _resistance(of_normals, of_tangents)
 
 
 def resistance_by(W: Array, normal_rows: Index, tangential_rows: Index) -> Resistance:
@@ -164,22 +197,6 @@ def _resistance(normal: Array, tangential: Array) -> Resistance:
     # of a body that is about to buckle it may be negative: how stiff it is is a size all the same
     softest = np.max(np.abs(np.linalg.eigvalsh(tangential)), axis=1)
     return Resistance(_inverse(np.abs(normal[:, 0, 0])), _inverse(softest))
-
-
-def _blocks(B: csr_matrix, size: int, flexibility: Callable[[csr_matrix], csr_matrix | Array]) -> Array:
-    """Diagonal blocks (m, size, size) of ``B F B'``, of a few rows at a time."""
-    out = np.zeros((B.shape[0] // size, size, size))
-    for points in runs(len(out), 8 * size * B.shape[1]):
-        rows = csr_matrix(B[points.start * size : points.stop * size])
-        W = _dense(flexibility(rows) @ rows.T)
-        count = points.stop - points.start
-        where = np.arange(count)[:, None] * size + np.arange(size)
-        out[points] = W[where[:, :, None], where[:, None, :]]
-    return out
-
-
-def _dense(A: csr_matrix | Array) -> Array:
-    return np.asarray(A.toarray() if hasattr(A, "toarray") else A)
 
 
 def _inverse(compliance: Array) -> Array:

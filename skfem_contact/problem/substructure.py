@@ -10,19 +10,19 @@ import logging
 import math
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import replace
-from typing import Generic, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import Array, Index, block_diagonal, same
+from skfem_contact.arrays import Array, Index, same
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.rigid_modes import largest
 from skfem_contact.bodies.system import System, slices
+from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import ROUND_OFF
 from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.linalg.backend import Backend, BodyFactor
@@ -31,34 +31,32 @@ from skfem_contact.linalg.direct import Direct, IndefiniteFactor
 from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
 from skfem_contact.linalg.multifrontal.ordering import nodes_of
 from skfem_contact.once import Lock, once
-from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS
-from skfem_contact.records import dataclass
+from skfem_contact.problem.seam import Source
+from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS, RECOVERED_AT_ONCE
 
 logger = logging.getLogger("skfem_contact")
 
 Components = tuple[Array, Array]
 AsForce = Callable[[Array], Array] | None
-NO_LOAD: tuple[Array | None, Array, Array] = None, np.zeros(0), np.zeros(0)
 
 
-@dataclass(frozen=True, eq=False)
-class Directions:
+class Directions(NamedTuple):
     """Directions of loads on a body as far as they are known: others come behind them, in another one.
 
     Attributes
     ----------
-    places : ndarray of int, shape (a,)
-        DOFs that loads act on, which are few as a rule.
-    acting : ndarray of int, shape (a,)
-        Where these are among those that may be loaded.
-    values : ndarray, shape (a, k)
+    loads : ndarray, shape (n, k)
         The directions, orthonormal.
-    eliminated : ndarray, shape (n, k)
+    places : ndarray of int, shape (a,)
+        DOFs that they act on, which are few as a rule.
+    values : ndarray, shape (a, k)
+        The directions there.
+    eliminated : ndarray, shape (n_f, k)
         Loads that have one component, which is one, the interior eliminated.
     """
 
+    loads: Array
     places: Index
-    acting: Index
     values: Array
     eliminated: Array
 
@@ -77,14 +75,15 @@ class LoadSpan:
     ----------
     factor : BodyFactor
     dofs : ndarray of int
-        Of the body, that these loads are on.
+        Of the n DOFs of the body, that these loads are on.
+    n : int
     """
 
-    def __init__(self, factor: BodyFactor, dofs: Index) -> None:
+    def __init__(self, factor: BodyFactor, dofs: Index, n: int) -> None:
         self._factor, self._dofs = factor, dofs
-        none = np.zeros(0, dtype=np.intp)
-        self._known = Directions(none, none, np.zeros((0, 0)), np.zeros((factor.order.size, 0)))
-        self._last = NO_LOAD
+        places, none = np.zeros(0, dtype=np.intp), np.zeros((0, 0))
+        self._known = Directions(np.zeros((n, 0)), places, none, np.zeros((factor.order.size, 0)))
+        self._last = np.zeros(0), np.zeros(0)
         self._lock = Lock()
 
     def components(self, load: Array, as_force: AsForce = None) -> Array | None:
@@ -94,59 +93,38 @@ class LoadSpan:
         on the DOFs of the factor, by default they are. (It is not kept: a body's own would be a cycle
         with its factors, and their memory wait for the garbage collector.)
         """
-        whose, values, components = self._last
-        if load is whose:  # most steps change one of many loads
-            return components
-        known = self._known
-        b = load[known.places]
-        if np.count_nonzero(b) != np.count_nonzero(load):
-            known = self._widened(load[self._dofs])
-            b = load[known.places]
-        if len(b) == len(values) and same(b, values):
-            self._last = load, values, components
-            return components
-        Q = known.values
+        known, last = self._known, self._last
+        places, Q, b = known.places, known.values, load[known.places]
+        if np.count_nonzero(b) != np.count_nonzero(load):  # it acts elsewhere, too
+            places, Q, b = self._dofs, known.loads[self._dofs], load[self._dofs]
+        if len(b) == len(last[0]) and same(b, last[0]):  # most steps change one of many loads
+            return last[1]
         c = Q.T.dot(b)  # in half the time of @
         rest = b - _combined(Q, c)
         again = Q.T.dot(rest)  # once more: the first pass leaves round-off of |b|
         c, rest = c + again, rest - _combined(Q, again)
         size = math.sqrt(rest.dot(rest))
         if size <= ROUND_OFF * math.sqrt(b.dot(b)):
-            self._last = load, b, c
+            self._last = b, c
             return c
         if Q.shape[1] >= MOST_DIRECTIONS:
             return None
         with self._lock:
             if self._known is known:
-                self._add(rest / size, as_force)
-                return np.append(c, size)
-        return self.components(load, as_force)  # another thread has added one
+                self._add(places, rest / size, as_force)
+        return self.components(load, as_force)
 
-    def _add(self, direction: Array, as_force: AsForce) -> None:
-        known, values = self._known, np.zeros(len(self._dofs))
-        values[known.acting] = direction
-        reduced = self._factor.eliminate(as_force(values) if as_force else values)
-        self._last = NO_LOAD
-        self._known = replace(
-            known,
-            values=np.column_stack([known.values, direction]),
-            eliminated=np.column_stack([known.eliminated, reduced]),
-        )
-
-    def _widened(self, b: Array) -> Directions:
-        """The directions where a load on `dofs` (n,) acts as well, which may be at more of them."""
-        with self._lock:
-            known = self._known
-            acting = b != 0
-            acting[known.acting] = True
-            if np.count_nonzero(acting) > len(known.acting):
-                Q = np.zeros((len(b), known.values.shape[1]))
-                Q[known.acting] = known.values
-                places = np.flatnonzero(acting)
-                self._known = known = Directions(
-                    self._dofs[places], places, Q[acting], known.eliminated
-                )
-            return known
+    def _add(self, places: Index, direction: Array, as_force: AsForce) -> None:
+        known = self._known
+        load = np.zeros((len(known.loads), 1))
+        load[places, 0] = direction
+        acting = load[self._dofs, 0]
+        reduced = self._factor.eliminate(as_force(acting) if as_force else acting)
+        loads = np.concatenate([known.loads, load], axis=1)
+        places = np.flatnonzero(loads.any(axis=1))
+        eliminated = np.concatenate([known.eliminated, reduced], axis=1)
+        self._last = np.zeros(0), np.zeros(0)
+        self._known = Directions(loads, places, loads[places], eliminated)
 
     def along(self, count: int) -> Array:
         """Loads on the kept DOFs with one component, of the first directions, (n_c, count)."""
@@ -155,21 +133,13 @@ class LoadSpan:
 
     @property
     def eliminated(self) -> Array:
-        """Loads that have one component, which is one, the interior eliminated, (n, k)."""
+        """Loads that have one component, which is one, the interior eliminated, (n_f, k)."""
         return self._known.eliminated
 
 
 def _combined(Q: Array, c: Array) -> Array:
     """``Q @ c``; of a single direction, the usual case, BLAS takes ten times as long as a product."""
     return Q[:, 0] * c if len(c) == 1 else np.asarray(Q @ c)
-
-
-class Eliminated(NamedTuple):
-    """The factors of a body, and what is remembered of forces and of prescribed displacements on it."""
-
-    factor: BodyFactor
-    forces: LoadSpan
-    moves: LoadSpan
 
 
 class Substructure:
@@ -213,7 +183,7 @@ class Substructure:
         modes: Array | None = None,
     ) -> None:
         self.body, self.K, self._firm = body, K, firm
-        self._backend = backend or Direct()
+        self._backend: Any = backend or Direct()
         self.modes = body.rigid_modes if modes is None else modes
         self.free = np.delete(np.arange(body.n), body.D)
         self.anchors = wanted
@@ -221,6 +191,7 @@ class Substructure:
             self.anchors = anchors(body, wanted, self.modes) if isinstance(body, Body) else self.free
         self.columns = np.union1d(wanted, self.anchors)
         self.kept = self.columns if self.keeps_contact else self.anchors
+        self._spanned = isinstance(body, Body) and len(self.kept) > 0  # loads are remembered
 
     @once
     def _K_D(self) -> csr_matrix:
@@ -232,16 +203,14 @@ class Substructure:
         return -(self._K_D.T @ x)[self.free]
 
     @once
-    def _eliminated(self) -> Eliminated:
-        return self._remembering(self._factorised())
-
-    def _remembering(self, factor: BodyFactor) -> Eliminated:
-        """Factors, with nothing known of loads."""
-        return Eliminated(factor, LoadSpan(factor, self.free), LoadSpan(factor, self.body.D))
-
-    @property
     def _factor(self) -> BodyFactor:
-        return self._eliminated.factor
+        return self._factorised()
+
+    @once
+    def _spans(self) -> tuple[LoadSpan, LoadSpan]:
+        """What is remembered of forces, and of prescribed displacements."""
+        factor, n, D = self._factor, self.body.n, self.body.D
+        return LoadSpan(factor, self.free, n), LoadSpan(factor, D, n)
 
     def _factorised(self) -> BodyFactor:
         place = np.searchsorted(self.free, self.kept)
@@ -258,67 +227,44 @@ class Substructure:
                 "element, or K is not that of an elastic body."
             ) from None
 
-    def factor_size(self) -> FactorSize:
-        """Size of the factorisation, before it is computed."""
-        place = np.searchsorted(self.free, self.kept)
+    def factor_size(self, kept: Index) -> FactorSize:
+        """Size of the factorisation that keeps some of the contact DOFs, before it is computed."""
+        place = np.searchsorted(self.free, kept)
         return factor_size(self.K, self.body.dof_points[self.free], place, free=self.free)
 
     @property
     def S(self) -> Array:
-        """The condensed stiffness, in the order of `kept`."""
-        if len(self.kept) == 0:
-            return np.zeros((0, 0))
-        S = self._factor.S
-        if S.size:
-            return S
-        logger.info("the condensed stiffness of %d DOFs is computed again", len(self.kept))
-        return self._factorised().S
+        """The condensed stiffness, in the order of `kept`; computed again once it was inverted."""
+        S = self._factor.S if len(self.kept) else np.zeros((0, 0))
+        return S if S.size == len(self.kept) ** 2 else self._factorised().S
 
     @once
     def springs(self) -> Array:
-        """Springs to the ground on the anchors, ``P`` with stiffness ``P P'``, shape (n_c, k)."""
-        P = np.zeros((len(self.kept), len(self.anchors)))
-        place = np.searchsorted(self.kept, self.anchors)
-        if len(place):
-            firm = np.maximum(np.diag(self.S)[place], self._firm)
-            P[place, np.arange(len(place))] = np.sqrt(firm)
-        return P
-
-    @property
-    def P(self) -> Array:
-        """The same over the contact DOFs, (n_c, k)."""
-        return self.springs
+        """Stiffness of springs to the ground on the anchors, (k,) [force/length]."""
+        if not len(self.anchors):
+            return np.zeros(0)
+        return np.maximum(np.diag(self.S)[np.searchsorted(self.kept, self.anchors)], self._firm)
 
     @once
     def flexibility(self) -> Array:
-        """``(S + P P')^-1``, shape (n_c, n_c) [length/force]; takes the place of a large S."""
+        """Inverse of S with springs, shape (n_c, n_c) [length/force]; takes the place of a large S."""
         if len(self.kept) == 0:
             return np.zeros((0, 0))
-        springs = np.sum(self.springs**2, axis=1)
         S = self._factor.take_S()
         if not S.size:  # asked for before, in vain
             S = self.S.copy()
-        S[np.diag_indices_from(S)] += springs
+        at = np.searchsorted(self.kept, self.anchors)
+        S[at, at] += self.springs
         try:
             return cholesky(S.T, overwrite=True).inverse()
         except LinAlgError:
             self.definite, self.shaky = False, True
         S = self.S.copy()  # what Cholesky began with is lost
-        S[np.diag_indices_from(S)] += springs
+        S[at, at] += self.springs
         factors = lu(S)
         if not factors.even(ROUND_OFF):
             raise SingularMatrix("a body that is not stable moves without resistance")
         return factors.solve(np.eye(len(S)))
-
-    @once
-    def softness(self) -> Array:
-        """Return how far a unit force moves each kept DOF, all others held, (n_c,) [length/force].
-
-        By the diagonal of K, which knows of no anchors; zero of a rigid body.
-        """
-        if not isinstance(self.body, Body):
-            return np.zeros(len(self.kept))
-        return np.asarray(1.0 / self.K.diagonal()[self.kept])
 
     @property
     def memory(self) -> int:
@@ -328,8 +274,7 @@ class Substructure:
     def unloaded(self) -> Substructure:
         """The same body, condensed once, without what is remembered of its loads."""
         twin = copy(self)
-        if "_eliminated" in vars(twin):
-            vars(twin)["_eliminated"] = twin._remembering(twin._factor)
+        vars(twin).pop("_spans", None)
         return twin
 
     @property
@@ -340,13 +285,14 @@ class Substructure:
     def components(self, f: Array, x: Array) -> Components | None:
         """Components of forces and of prescribed displacements along the directions known so far.
 
-        None of a body without part in the contact problem, for which nothing is factorised yet; of a
-        rigid one, whose load is a few numbers and none of the interior; and of too many directions.
+        Of a body without part in the contact problem, for which nothing is factorised yet, there are
+        none; of a rigid one its load itself, as nothing of it is eliminated. None where there are too
+        many directions.
         """
-        if len(self.kept) == 0 or not isinstance(self.body, Body):
-            return None
-        known = self._eliminated
-        force, move = known.forces.components(f), known.moves.components(x, self._by_supports)
+        if not self._spanned:
+            return self.free_load(f, x) if len(self.kept) else np.zeros(0), np.zeros(0)
+        forces, moves = self._spans
+        force, move = forces.components(f), moves.components(x, self._by_supports)
         return None if force is None or move is None else (force, move)
 
     def along(self, components: Components) -> Array:
@@ -354,53 +300,49 @@ class Substructure:
 
         Of the directions that `components` are along.
         """
-        known, (force, move) = self._eliminated, components
-        return np.concatenate([known.forces.along(len(force)), known.moves.along(len(move))], axis=1)
-
-    def load(self, f: Array, x: Array) -> Array:
-        """Load on the kept DOFs, those of the interior and of prescribed DOFs included, (n_c,)."""
-        if len(self.kept) == 0:
-            return np.zeros(0)
-        known = self.components(f, x)
-        if known is None:
-            return self.other_load(f, x)
-        return self.along(known) @ np.concatenate(known)
+        if not self._spanned:
+            return np.eye(len(self.kept))
+        spans = zip(self._spans, components, strict=True)
+        return np.concatenate([span.along(len(c)) for span, c in spans], axis=1)
 
     def other_load(self, f: Array, x: Array) -> Array:
-        """The same of a load that is not to be remembered, (n_c,)."""
+        """Load on the kept DOFs, those of the interior and of prescribed DOFs included, (n_c,).
+
+        Nothing of it is remembered.
+        """
         if not (len(self.kept) and (f.any() or x.any())):
             return np.zeros(len(self.kept))
         return np.asarray(self._factor.reduce_load(self.free_load(f, x)))
 
     def recover(
         self,
-        kept: Array,
+        force: Array,
         components: Sequence[Components | None],
         loads: Sequence[tuple[Array, Array]],
     ) -> Array:
-        """Displacements of the DOFs `order` (n_f, r) from those of the kept ones (n_c, r).
+        """Displacements of the DOFs `order` (n_f, r) under forces on the contact DOFs and loads.
 
         Parameters
         ----------
-        kept : ndarray, shape (n_c, r)
+        force : ndarray, shape (n_c, r)
+            Those of loads included.
         components : sequence of pairs or None
             From `components`.
         loads : sequence of (f, x)
         """
         # forces and moves at once: BLAS is slow with a single direction, as most histories have of each
-        known = self._eliminated
-        forces = known.forces.eliminated
-        along, moves = np.concatenate([forces, known.moves.eliminated], axis=1), forces.shape[1]
-        C = np.zeros((along.shape[1], len(components)))
-        for column, c in zip(C.T, components, strict=True):
-            if c is not None:  # steps may know fewer directions than later ones
+        forces, others = (span.eliminated for span in self._spans)
+        along, moves = np.concatenate([forces, others], axis=1), forces.shape[1]
+        C, known = np.zeros((along.shape[1], len(components))), components if self._spanned else ()
+        for column, c in zip(C.T, known, strict=False):
+            if c:  # steps may know fewer directions than later ones
                 column[: len(c[0])] = c[0]
                 column[moves : moves + len(c[1])] = c[1]
         x = along @ C
-        for k, (c, load) in enumerate(zip(components, loads, strict=True)):
-            if c is None:
+        for k, load in enumerate(loads):
+            if not (known and known[k]):
                 x[:, k] = self._factor.eliminate(self.free_load(*load))[:, 0]
-        return self._factor.substitute(kept, x)
+        return self._factor.substitute(self.flexibility @ force, x)
 
     def free_load(self, f: Array, x: Array) -> Array:
         """Load on the free DOFs, that of prescribed displacements included, (n_f,)."""
@@ -444,10 +386,7 @@ def anchors(body: Body, wanted: Index, modes: Array) -> Index:
     return chosen
 
 
-S = TypeVar("S", bound=Substructure)
-
-
-class Substructures(Generic[S]):
+class Substructures:
     """All bodies, each reduced to its contact DOFs.
 
     Parameters
@@ -468,11 +407,12 @@ class Substructures(Generic[S]):
         All DOFs of each body, and its contact DOFs among those of all.
     columns : ndarray of int, shape (n_c,)
         Contact DOFs and anchors.
-    P : ndarray, shape (n_c, k)
-        Springs on the anchors.
+    P : csr_matrix, shape (n_c, k)
+        Springs to the ground on the anchors, of the stiffness ``P P'``: one entry in each column.
     """
 
-    kind: type[S]
+    kind: type[Substructure]
+    usual: Callable[[], Any] = Direct
 
     def __init__(
         self,
@@ -482,8 +422,9 @@ class Substructures(Generic[S]):
         reuse: Sequence[Substructure | None] = (),
         backend: Backend | None = None,
     ) -> None:
-        self.system, self.stiffness, self.backend = system, stiffness, backend or Direct()
-        self.spans, self.substructures = slices(system.offsets), list[S]()
+        self.backend: Any
+        self.system, self.stiffness, self.backend = system, stiffness, backend or self.usual()
+        self.spans, self.substructures = slices(system.offsets), list[Any]()
         for i, body in enumerate(system.bodies):
             part = reuse[i] if len(reuse) else None
             if not isinstance(part, self.kind):
@@ -491,11 +432,56 @@ class Substructures(Generic[S]):
                 mine = wanted_of(body, self.spans[i], wanted)
                 part = self.kind(body, stiffness[i], mine, firm, self.backend, system.modes(i))
             self.substructures.append(part)
-        parts = zip(self.substructures, self.spans, strict=True)
+        parts = list(zip(self.substructures, self.spans, strict=True))
         columns = [part.columns + span.start for part, span in parts]
         self.columns = np.concatenate(columns)
         self.column_spans = slices(np.cumsum([0, *map(len, columns)]))
-        self.P = block_diagonal([part.P for part in self.substructures])
+        anchors = np.concatenate([part.anchors + span.start for part, span in parts])
+        place = np.searchsorted(self.columns, anchors), np.arange(len(anchors))
+        springs = np.concatenate([part.springs for part, _ in parts])
+        self.P = csr_matrix((np.sqrt(springs), place), (len(self.columns), len(anchors)))
+
+    @once
+    def softness(self) -> Array:
+        """Return how far a unit force moves each contact DOF, all others held, (n_c,) [length/force].
+
+        By the diagonal of K, which knows of no anchors; zero of a rigid body.
+        """
+        stiff = [
+            part.K.diagonal()[part.columns]
+            if isinstance(part.body, Body)
+            else np.full(len(part.columns), np.inf)
+            for part in self.substructures
+        ]
+        return 1.0 / np.concatenate(stiff)
+
+    def recover(
+        self, sources: Source, components: Sequence[Any], cases: Sequence[LoadCase]
+    ) -> list[Array]:
+        """All displacements, r arrays (n,), from r sources: forces on the contact DOFs (n_c, r).
+
+        Or from displacements of all DOFs (n, r), which are the sources themselves. `components` are
+        those of the loads of all bodies, where they have any, see `Substructure.components`.
+        """
+        if not sources.forces:
+            return [np.array(u) for u in sources.values.T]
+        u = [np.array(case.x) for case in cases]
+        for k, (span, own) in enumerate(zip(self.spans, self.column_spans, strict=True)):
+            part = self.substructures[k]
+            place = span.start + part.order
+            for first in range(0, len(u), RECOVERED_AT_ONCE):
+                some = slice(first, first + RECOVERED_AT_ONCE)
+                x = part.recover(
+                    sources.values[own, some],
+                    [known[k] if known else None for known in components[some]],
+                    [(case.f[span], case.x[span]) for case in cases[some]],
+                )
+                for few in range(0, x.shape[1], 8):  # a copy of all would take as much memory again
+                    columns = np.ascontiguousarray(x[:, few : few + 8].T)
+                    for column, out in zip(columns, u[first + few :], strict=False):
+                        out[place] = column
+                del x  # or it waits while the next one is computed
+        return u
 
 
 def wanted_of(body: Member, span: slice, wanted: Index) -> Index:

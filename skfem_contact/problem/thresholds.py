@@ -42,12 +42,10 @@ DEPENDENT = 1e-3
 # where most points slip.
 ITERATED, MOST_PRODUCTS = 1e-13, 400
 
-# -- whole -------------------------------------------------------
+# -- forces ------------------------------------------------------
 
 # Couplings of K from the surface to the bottom of its layer: elements, in effect.
 LAYERS = 4
-
-# -- forces ------------------------------------------------------
 
 # What an answer on the way may leave of the residual: points change by more than a hundredth from one
 # of Newton's iterations to the next, and what is left is taken up there. An increment takes half as
@@ -55,9 +53,6 @@ LAYERS = 4
 ROUGHLY = 1e-2
 
 # -- iterated ----------------------------------------------------
-
-# Share of the residual that a solve leaves at most of that of the iteration before.
-CLOSER = 0.1
 
 # Of one operation, relative: half a unit in the last place.
 ROUNDING = 2.0**-53

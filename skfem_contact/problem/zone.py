@@ -20,8 +20,6 @@ from copy import copy
 
 import numpy as np
 from scipy.linalg import LinAlgError
-from scipy.sparse import csr_matrix, diags
-from scipy.sparse.linalg import splu
 
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.errors import SingularMatrix
@@ -29,7 +27,7 @@ from skfem_contact.linalg.dense_factors import DenseFactors, blocks, cholesky, l
 from skfem_contact.once import once
 from skfem_contact.problem import thresholds
 from skfem_contact.problem.points import NO_ROW, Duals, LoadForces, PointSpace
-from skfem_contact.problem.response import Conditions, Load, Response
+from skfem_contact.problem.seam import Conditions, Load, Response
 from skfem_contact.problem.thresholds import FEWEST, LOOSE, SPARE
 
 
@@ -148,26 +146,6 @@ class Compliance:
         W[np.diag_indices(self.q)] += give
         given = W, self.normal_rows, self.tangential_rows, self.q
         return Compliance(*given, stable=self.stable, refuses=False)
-
-    def independent(self, G: csr_matrix, least: Array | None) -> bool:
-        """Return whether no row depends on others as far as a sparse matrix shows; false if small.
-
-        Parameters
-        ----------
-        G : csr_matrix, shape (q + k, n_c)
-        least : ndarray, shape (n_c,), or None
-            A flexibility of the contact DOFs by themselves, not above the true one, ``W >= G F G'``: no
-            pivot of W is below that of it.
-        """
-        if self.small or least is None or not self.stable:
-            return False
-        scaled = diags(1.0 / np.sqrt(self.W.diagonal())) @ G
-        Q = (scaled @ diags(least) @ scaled.T).tocsc()
-        try:
-            pivots = splu(Q, "MMD_AT_PLUS_A", 0.0, options={"SymmetricMode": True}).U.diagonal()
-        except RuntimeError:  # exactly singular
-            return False
-        return bool(np.min(pivots, initial=1.0) >= thresholds.DEPENDENT**2)
 
     def inverse(self, on: Index | None, refuses: bool) -> Array:
         """Inverse of W on some rows; on all without them."""

@@ -39,7 +39,7 @@ from skfem_contact.arrays import Array, lengths, size_of, unit_vectors
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.problem.points import Duals
-from skfem_contact.problem.response import Response
+from skfem_contact.problem.seam import Response
 
 TINY = np.finfo(float).tiny
 HANDED_ON = "slip", "friction", "reference", "bound", "stretch"

@@ -16,7 +16,7 @@ With Coulomb's law ``M k J = L / |s - s_n| (1 - d d')``, whatever k is: the spri
 d of friction is that of the answer itself. The last linear solve of an iteration has that of an iterate
 before, which is why it is not taken from there.
 
-These are the conditions of one more linear solve (`problem.response.Conditions`), in which anchors and
+These are the conditions of one more linear solve (`problem.seam.Conditions`), in which anchors and
 offsets are what the step before and the parameter make of them.
 """
 
@@ -47,7 +47,7 @@ from skfem_contact.elimination.constraint import AffineConstraint, eliminate
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.step import largest_force
-from skfem_contact.problem.response import Conditions, Response, Source
+from skfem_contact.problem.seam import Conditions, Response, Source
 from skfem_contact.problem.zone import Zone, Zones
 
 #: Derivatives by name, of loads or points: (n,) or (m, width). What is not there is zero.
