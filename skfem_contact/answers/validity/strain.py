@@ -59,6 +59,7 @@ from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.geometry import surface_dofs
+from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.vectors import cross
 
 
@@ -177,7 +178,7 @@ def turned_arms(result: Answer, supports: Sequence[Support]) -> dict[str, float]
     Contact acts where points are now; the stiffness has the arms of the undeformed body. Under forces f
     at arms a, what has turned by R is out of balance by the sum of ``(R a - a) x f``. A pin under a
     force N has N times its radius times its angle, beside a torque of friction of mu N times its
-    radius. Supports that hold a turn take that up, and nothing else feels it.
+    radius. Supports that hold a body against turning take it up, and nothing else feels it.
     """
     system, kin, local = result.system, result.kin, result.local
     far = result.model.geometry.finite
@@ -188,23 +189,35 @@ def turned_arms(result: Answer, supports: Sequence[Support]) -> dict[str, float]
     f = result.load + point_forces(kin, replace(local, normal_force=normal, tangential_force=along))
     shares = {}
     for name, (turn, old, new) in _turns(system, result.contacts, result.state.surface).items():
-        i, body, d = system.index(name), system.solids[name], len(turn)
-        axes, size, _ = np.linalg.svd(supports[i].free[d:])
-        axes = axes[:, : np.count_nonzero(size > SUPPORTED)]
-        if body.finite_strain or not axes.size:
-            continue
-        centre = body.dof_points[body.D if len(body.D) else slice(None)].mean(axis=0)
+        body, d = system.solids[name], len(turn)
+        axes, size, _ = np.linalg.svd(supports[system.index(name)].free[d:])
         force = np.eye(d)[body.dof_component] * f[system.slice(body), None]
+        centre = _held_at(body, result.contacts, force)
+        if body.finite_strain or centre is None:
+            continue
         missing = cross((body.dof_points - centre) @ (turn.T - np.eye(d)), force).sum(axis=0)
-        of_body = [
-            body in (c.secondary.body, getattr(c.primary, "body", None)) for c in result.contacts
-        ]
-        own = np.repeat(of_body, [part.stop - part.start for part in result.slices()])
+        sides = [(c.secondary.body, getattr(c.primary, "body", None)) for c in result.contacts]
+        counts = [part.stop - part.start for part in result.slices()]
+        own = np.repeat([any(side is body for side in both) for both in sides], counts)
         arms = np.linalg.norm(kin.points - new - (centre - old) @ turn.T, axis=1)
         most = float(bound[own] @ arms[own])
         if most > 0:
-            shares[name] = float(np.linalg.norm(missing @ axes)) / most
+            shares[name] = float(np.linalg.norm(missing @ axes[:, : np.sum(size > SUPPORTED)])) / most
     return shares
+
+
+def _held_at(body: Body, contacts: Sequence[Contact], force: Array) -> Array | None:
+    """Where what is not among the forces (n, d) on a body holds it, by which moments are taken.
+
+    Supports and contact with small sliding; None where springs in K do, whose place is not known.
+    """
+    sides = [s for c in contacts if c.sliding == "small" for s in (c.secondary, c.primary)]
+    held = [s.points for s in sides if isinstance(s, ContactSurface) and s.body is body]
+    held.append(body.dof_points[body.D])
+    if sum(map(len, held)):
+        return np.asarray(np.concatenate(held).mean(axis=0))
+    left, sizes = np.abs(force.sum(axis=0)).max(), np.abs(force).sum()
+    return np.asarray(body.dof_points.mean(axis=0)) if left <= SOLVED * sizes else None
 
 
 def leaning(system: System, shares: dict[str, float]) -> dict[tuple[str, str], str]:
