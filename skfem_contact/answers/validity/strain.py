@@ -193,7 +193,8 @@ def turned_arms(result: Answer, supports: Sequence[Support]) -> dict[str, float]
         axes, size, _ = np.linalg.svd(supports[system.index(name)].free[d:])
         force = np.eye(d)[body.dof_component] * f[system.slice(body), None]
         centre = _held_at(body, result.contacts, force)
-        if body.finite_strain or centre is None:
+        turns = axes[:, : np.count_nonzero(size > SUPPORTED)]
+        if body.finite_strain or centre is None or not turns.size:
             continue
         missing = cross((body.dof_points - centre) @ (turn.T - np.eye(d)), force).sum(axis=0)
         sides = [(c.secondary.body, getattr(c.primary, "body", None)) for c in result.contacts]
@@ -202,7 +203,7 @@ def turned_arms(result: Answer, supports: Sequence[Support]) -> dict[str, float]
         arms = np.linalg.norm(kin.points - new - (centre - old) @ turn.T, axis=1)
         most = float(bound[own] @ arms[own])
         if most > 0:
-            shares[name] = float(np.linalg.norm(missing @ axes[:, : np.sum(size > SUPPORTED)])) / most
+            shares[name] = float(np.linalg.norm(missing @ turns)) / most
     return shares
 
 
