@@ -28,9 +28,10 @@ from skfem_contact.answers.validity.deformed_boundaries import (
 )
 from skfem_contact.answers.validity.edges import crossing, pressed_aside, sharp_edges_of
 from skfem_contact.answers.validity.overlaps import of_two_bodies, sides_of, unselected_words
-from skfem_contact.answers.validity.strain import leaning, lockable, locked, strains
+from skfem_contact.answers.validity.strain import lockable, locked, strains
 from skfem_contact.answers.validity.support import beyond_round_off, elastic_approach
 from skfem_contact.answers.validity.track import tool_motion
+from skfem_contact.answers.validity.turned import leaning
 from skfem_contact.answers.validity.validity import ContactValidity, Drift, Validity
 from skfem_contact.answers.validity.words import (
     crossing_words,

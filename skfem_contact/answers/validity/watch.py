@@ -13,14 +13,9 @@ from skfem_contact.answers.thresholds import A_TENTH, PRESSED, SUSPECTED
 from skfem_contact.answers.validity.assess import Assessment
 from skfem_contact.answers.validity.contact_watch import ContactWatch
 from skfem_contact.answers.validity.overlaps import Overlaps
-from skfem_contact.answers.validity.strain import (
-    leaning,
-    lockable,
-    may_lock,
-    rigid_rotations,
-    turned_arms,
-)
+from skfem_contact.answers.validity.strain import lockable, may_lock
 from skfem_contact.answers.validity.support import Support, motions_of, off_rigid, supports_of
+from skfem_contact.answers.validity.turned import leaning, rigid_rotations, turned
 from skfem_contact.answers.validity.validity import Diagnostics, Issued
 from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.surface import ContactSurface
@@ -131,7 +126,7 @@ class Watch:
             stretches = stretches | off_rigid(self.floating, u)
         if len(state.surface):  # of what slides far
             turns = turns | rigid_rotations(self.system, self.contacts, state.surface)
-            leaning = leaning | turned_arms(result, self.supports)
+            leaning = leaning | turned(result, self.supports, [drift.approach for drift in drifts])
         undetected = {
             watch.i: watch.undetected(state, gap, case, u, drift)
             for watch, drift in zip(self.watches, drifts, strict=True)
