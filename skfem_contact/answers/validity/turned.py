@@ -13,7 +13,7 @@ linear bodies do not turn. Under forces f at arms a, what has turned by R
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -33,18 +33,19 @@ from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.vectors import cross
 
+#: A rotation (d, d), a point (d,), and where that has come.
+Turn = tuple[Array, Array, Array]
 
-def rigid_rotations(system: System, contacts: Sequence[Contact], surface: Array) -> dict[str, float]:
+
+def rigid_rotations(turns: Mapping[str, Turn]) -> dict[str, float]:
     """Mean rotation of the surfaces that slide far, by body name [rad], counterclockwise.
 
-    In 3-D the size of the rotation vector; see `_turns` for the parameters.
+    In 3-D the size of the rotation vector.
     """
-    return {name: _angle(turn) for name, (turn, *_) in _turns(system, contacts, surface).items()}
+    return {name: _angle(turn) for name, (turn, *_) in turns.items()}
 
 
-def _turns(
-    system: System, contacts: Sequence[Contact], surface: Array
-) -> dict[str, tuple[Array, Array, Array]]:
+def surface_turns(system: System, contacts: Sequence[Contact], surface: Array) -> dict[str, Turn]:
     """The rotation (d, d) of each body, with a point (d,) and where that has come, by name.
 
     Those of the rigid motion that is closest to the displacements of all nodes of a body that belong to
@@ -87,13 +88,18 @@ def _angle(turn: Array) -> float:
 
 
 def turned(
-    result: Answer, supports: Sequence[Support], approaches: Sequence[float]
+    result: Answer,
+    turns: Mapping[str, Turn],
+    supports: Sequence[Support],
+    approaches: Sequence[float],
 ) -> dict[str, float]:
     """What linear bodies leave out that turn, over what it is a part of, by name: see the module.
 
     Parameters
     ----------
     result : Answer
+    turns : mapping of Turn
+        By `surface_turns`.
     supports : sequence of Support
         Of all bodies.
     approaches : sequence of float
@@ -103,7 +109,7 @@ def turned(
     far, shares = result.model.geometry.finite, {}
     normal, along = np.where(far, local.normal_force, 0.0), local.tangential_force * far[:, None]
     f = point_forces(kin, replace(local, normal_force=normal, tangential_force=along))
-    for name, (turn, old, new) in _turns(system, result.contacts, result.state.surface).items():
+    for name, (turn, old, new) in turns.items():
         body, support = system.solids[name], supports[system.index(name)]
         if body.finite_strain:
             continue
@@ -121,7 +127,7 @@ def turned(
             grown = turn.T - 0.5 * (turn + turn.T) @ turn.T
             arm = body.dof_points - body.dof_points[body.D].mean(axis=0)
             left = abs(float(np.sum(arm @ grown * force)))
-            whole = _pressing(result, own, approaches) if left > 0 else 0.0
+            whole = _pressing(result, own, approaches, left)
         if whole > 0:
             shares[name] = left / whole
     return shares
@@ -162,16 +168,21 @@ def _most_friction(result: Answer, own: Sequence[int], centre: Array) -> float:
     return sum(float(bound[parts[i]] @ arms[parts[i]]) for i in own)
 
 
-def _pressing(result: Answer, own: Sequence[int], approaches: Sequence[float]) -> float:
-    """Work of normal forces along the elastic approach, as it is measured; else as it is estimated."""
-    u, work = result.model.geometry.spread(result.state.surface), 0.0
-    u[result.system.D] = result.case.x[result.system.D]
-    for i in own:
-        part = result.slices()[i]
-        closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
-        force = float(np.abs(result.state.normal_force[part]).sum())
-        work += force * (elastic_approach(result, i, closed, u) or approaches[i])
-    return work
+def _pressing(result: Answer, own: Sequence[int], approaches: Sequence[float], left: float) -> float:
+    """Work of normal forces along the elastic approach: as it is measured, where that may matter.
+
+    Where contact goes all around, estimates of the approach are a dozen times too large.
+    """
+    parts = [result.slices()[i] for i in own]
+    forces = [float(np.abs(result.state.normal_force[part]).sum()) for part in parts]
+    known = [approaches[i] for i in own]
+    if left > A_TENTH**3 * np.dot(forces, known):
+        u = result.model.geometry.spread(result.state.surface)
+        u[result.system.D] = result.case.x[result.system.D]
+        for k, part in enumerate(parts):
+            closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
+            known[k] = elastic_approach(result, own[k], closed, u) or known[k]
+    return float(np.dot(forces, known))
 
 
 def leaning(system: System, shares: dict[str, float]) -> dict[tuple[str, str], str]:
