@@ -79,7 +79,7 @@ def assess(result: Answer) -> Validity:
     for name in measured.bounded:
         found = measured.of_body(name)
         problems |= {(kind, name): words for kind, words in found.items()}
-    problems |= leaning(result.system, result.diagnostics.leaning)
+    problems |= leaning(result.system, result.diagnostics.leaning, problems)
     for (kind, name), text in problems.items():
         issued = (kind, name) in result.diagnostics.issued
         issued |= kind == "overlap" and result.diagnostics.prescribed(name)

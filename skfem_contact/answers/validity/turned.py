@@ -13,7 +13,7 @@ linear bodies do not turn. Under forces f at arms a, what has turned by R
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -185,12 +185,15 @@ def _pressing(result: Answer, own: Sequence[int], approaches: Sequence[float], l
     return float(np.dot(forces, known))
 
 
-def leaning(system: System, shares: dict[str, float]) -> dict[tuple[str, str], str]:
+def leaning(
+    system: System, shares: dict[str, float], told: Collection[tuple[str, str]]
+) -> dict[tuple[str, str], str]:
     """What moments of second order change beyond its bound, in words; by `second_order` of a step.
 
-    Of rigid bodies over their motion; of others see `turned`.
+    Of rigid bodies over their motion; of others, whose rotation has not been told, see `turned`.
     """
     found = {("second order", name): share for name, share in shares.items() if share > A_TENTH}
+    found = {key: share for key, share in found.items() if ("rotation", key[1]) not in told}
     return {
         key: (_turned_words if key[1] in system.solids else _rolling_words)(key[1], share)
         for key, share in found.items()

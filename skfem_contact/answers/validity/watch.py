@@ -177,8 +177,8 @@ class Watch:
         suspected, looked = self._suspected(result)
         bodies, seen = self._strained(result)
         new = set(looked | seen)
-        problems = leaning(self.system, known.leaning)
-        if not (suspected or bodies or problems or new):
+        beyond = leaning(self.system, known.leaning, known.issued)
+        if not (suspected or bodies or beyond or new):
             return known
         measured = Assessment(result)
         for i, kinds in suspected.items():
@@ -187,8 +187,12 @@ class Watch:
             new |= {(kind, name) for kind in found}
             if found:
                 warn(f"Contact {name!r} ({contact.label}): " + " ".join(found.values()) + ONCE)
+        problems: dict[tuple[str, str], str] = {}
         for name in bodies:
             problems |= {(kind, name): words for kind, words in measured.of_body(name).items()}
+        problems = {
+            key: beyond[key] for key in beyond if ("rotation", key[1]) not in problems
+        } | problems
         for key, words in problems.items():
             if key not in known.issued:
                 new.add(key)
