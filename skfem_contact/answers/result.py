@@ -20,7 +20,7 @@ from skfem_contact.answers.placed import Newton
 from skfem_contact.answers.thresholds import FALLING, MOST_ROWS
 from skfem_contact.answers.uniqueness import Uniqueness, undetermined, uniqueness
 from skfem_contact.answers.validity.assess import assess
-from skfem_contact.answers.validity.strain import rigid_rotations
+from skfem_contact.answers.validity.turned import rigid_rotations, surface_turns
 from skfem_contact.answers.validity.validity import Validity
 from skfem_contact.answers.values import contact_lines, status_words
 from skfem_contact.arguments import known_keywords
@@ -300,7 +300,7 @@ class ContactResult(ByContact):
         Linear bodies are good for rotations well below 0.1 rad.
         """
         answer = self._answer
-        return rigid_rotations(answer.system, answer.contacts, answer.state.surface)
+        return rigid_rotations(surface_turns(answer.system, answer.contacts, answer.state.surface))
 
     @once
     def certificate(self) -> Certificate:

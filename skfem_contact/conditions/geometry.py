@@ -43,7 +43,7 @@ from skfem_contact.conditions.kinematics import (
     kinematics,
     prescribed_rows,
 )
-from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN, Identity, LocalState, transport
@@ -160,6 +160,18 @@ class Geometry:
             parts.append(replace(kin, corners=(pairing.corners | known,)))
         return join(parts)
 
+    def _torn(self, i: int, kin: Kinematics, u: Array, case: LoadCase) -> Array:
+        """How far glued points are from where an obstacle has carried them, along its face, (m, d-1).
+
+        From the start: sums of slips would lead away from there, turn by turn.
+        """
+        contact, first = self.contacts[i], self.pairings[i]
+        side, tool = contact.secondary, contact.rigid_body
+        motion = case.motion[i] if tool is None else Motion(*as_motion(self.system, tool, u))
+        moved = first.secondary_weights @ u[self.system.slice(side.body)][side.dofs]
+        axes = kin.axes[self.point_slices[i]]
+        return np.einsum("ikd,id->ik", axes, moved - motion.shift(first.action))
+
     @cached_property
     def _offsets(self) -> list[Array]:
         """For each contact, where one slides far."""
@@ -183,7 +195,11 @@ class Geometry:
         u_n = self.spread(last.surface)
         slip0 = last.slip - (kin.B_t @ u_n).reshape(last.slip.shape)
         for i, part in enumerate(self.point_slices):
-            if self.contacts[i].rigid:
+            if self.contacts[i].rigid and self.contacts[i].tied:
+                rows = slice(part.start * kin.tangents, part.stop * kin.tangents)
+                torn = self._torn(i, kin, u, case)
+                slip0[part] = torn - (kin.B_t[rows] @ u).reshape(torn.shape)
+            elif self.contacts[i].rigid:
                 step = case.motion[i].slid(before.motion[i], kin.action[part])
                 step += self._spun(i, kin, u_n, u)
                 slip0[part] -= np.einsum("ikd,id->ik", kin.axes[part], step)

@@ -196,11 +196,11 @@ def test_large_rotations_are_told():
 
 def test_small_rotations_are_not_told():
     """Below 0.1 rad the report has the angle and nobody is warned."""
-    solver, step = tilted(0.05)
+    solver, step = tilted(0.01)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         result = next(solver.history([step]))
-    assert_allclose(result.rotations["block"], 0.05, rtol=0.05)
+    assert_allclose(result.rotations["block"], 0.01, rtol=0.05)
 
 
 def test_sliding_is_no_rotation():

@@ -6,7 +6,7 @@
 * `track`: where points are led by their slip, how the other side curves and where it ends; `chords`:
   facets that are too long for what presses on a curve;
 * `support`: how bodies move as a whole, and how far they give under contact; `strain`: how far they are
-  strained and turn, and elements that can not keep their volume;
+  strained, and elements that can not keep their volume; `turned`: what turns leave out;
 * `watch`, with a `contact_watch` per contact: looks after every step for what these may find; `assess`:
   the measures, and the verdict of steps and of `validity`.
 """

@@ -308,7 +308,8 @@ def _blocks(count: Index) -> list[Index]:
     """Items in parts whose pairs are compared at once, from how many each has."""
     ends, most = np.cumsum(count), AT_ONCE // 100  # what a pair takes, about
     parts = np.arange(most, ends[-1:].sum(), most)
-    return np.split(np.arange(len(count)), np.searchsorted(ends, parts))
+    found = np.split(np.arange(len(count)), np.searchsorted(ends, parts))
+    return [part for part in found if len(part)]
 
 
 # -- two sides of a contact -----------------------------------------------------------------------

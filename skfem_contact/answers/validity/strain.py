@@ -1,9 +1,5 @@
 r"""Strains and rotations of bodies: the limits of linear bodies.
 
-With finite sliding the frames of the contact points turn with the surfaces; the linear bodies do
-not. Their stiffness and loads keep their directions, and a rotation by :math:`\theta` is a strain
-:math:`\cos\theta - 1` to them. Forces that contact passes on are off by about :math:`\theta`.
-
 **Locking**: elements that can not keep their volume but by hardly moving at all.
 
 Nearly incompressible bodies deform by shear alone. First-order elements have too few motions for that:
@@ -32,14 +28,13 @@ from theirs is no locking, and taken off: reduced integration, other materials, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import skfem
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import A_TENTH, ALTERNATING, LOCKED, STIFF_BULK
+from skfem_contact.answers.thresholds import ALTERNATING, LOCKED, STIFF_BULK
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.quadrature import (
@@ -51,10 +46,6 @@ from skfem_contact.bodies.quadrature import (
     shape_gradients,
     with_points,
 )
-from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.bodies.system import System
-from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.geometry import surface_dofs
 
 
 def strains(body: Body, u: Array) -> tuple[float, float, float]:
@@ -112,66 +103,6 @@ def _strained(body: Body, basis: Any, u: Array, elements: Any) -> tuple[Array, A
         r = basis.mapping.F(basis.X, elements)[0]
         size, volume = np.maximum(size, np.abs(hoop_strain(basis, u, elements))), volume * r
     return size, 0.25 * (c - b) ** 2, volume
-
-
-def rigid_rotations(system: System, contacts: Sequence[Contact], surface: Array) -> dict[str, float]:
-    """Mean rotation of the surfaces that slide far, by body name [rad], counterclockwise.
-
-    The angle of the rigid motion that is closest to the displacements of all nodes of a body that
-    belong to such a surface; in 3-D the size of its rotation vector. Bodies without such a surface are
-    left out.
-
-    Parameters
-    ----------
-    system : System
-    contacts : sequence of Contact
-    surface : ndarray
-        Displacements of the surfaces, in the order of `surface_dofs` [length].
-    """
-    dofs = surface_dofs(system, contacts)
-    nodes: dict[int, list[tuple[Array, Array]]] = {}
-    for contact in contacts:
-        for side in (contact.secondary, contact.primary):
-            if contact.sliding == "small" or not isinstance(side, ContactSurface):
-                continue
-            if side.dofs.shape[1] != side.dim:
-                continue
-            i = system.index(side.body)
-            u = surface[np.searchsorted(dofs, system.offsets[i] + side.dofs)]
-            nodes.setdefault(i, []).append((side.points, u))
-    angles = {}
-    for i, pairs in sorted(nodes.items()):
-        x = np.concatenate([points for points, _ in pairs])
-        y = x + np.concatenate([u for _, u in pairs])
-        x, y = x - x.mean(axis=0), y - y.mean(axis=0)
-        angles[system.names[i]] = _angle(x, y)
-    return angles
-
-
-def _angle(x: Array, y: Array) -> float:
-    """The angle of the rotation that is closest to the way from points (n, d) to others, about 0."""
-    left, _, right = np.linalg.svd(y.T @ x)
-    left[:, -1] *= np.sign(np.linalg.det(left) * np.linalg.det(right))  # no mirror image
-    turn = left @ right
-    if len(turn) == 2:
-        return float(np.arctan2(turn[1, 0], turn[0, 0]))
-    vector = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    return float(np.arctan2(np.linalg.norm(vector), np.trace(turn) - 1))
-
-
-def leaning(shares: dict[str, float]) -> dict[tuple[str, str], str]:
-    """What moments of second order change of rigid bodies' motion, beyond its bound, in words."""
-    return {
-        ("second order", name): (
-            "Rigid bodies carry their loads along, and contact forces act where the points have moved "
-            "to: small sliding, which has the arms of the undeformed place, leaves out the moment of "
-            f"that. It would change the motion of {name!r} by {100 * share:.3g} % at first, and "
-            "without end where a body rolls off or topples. Give its contacts sliding='finite', or "
-            "hold its rotation by D."
-        )
-        for name, share in shares.items()
-        if share > A_TENTH
-    }
 
 
 # -- locking ---------------------------------------------------------------------------------------

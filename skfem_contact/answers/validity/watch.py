@@ -13,8 +13,9 @@ from skfem_contact.answers.thresholds import A_TENTH, PRESSED, SUSPECTED
 from skfem_contact.answers.validity.assess import Assessment
 from skfem_contact.answers.validity.contact_watch import ContactWatch
 from skfem_contact.answers.validity.overlaps import Overlaps
-from skfem_contact.answers.validity.strain import leaning, lockable, may_lock, rigid_rotations
+from skfem_contact.answers.validity.strain import lockable, may_lock
 from skfem_contact.answers.validity.support import Support, motions_of, off_rigid, supports_of
+from skfem_contact.answers.validity.turned import leaning, rigid_rotations, surface_turns, turned
 from skfem_contact.answers.validity.validity import Diagnostics, Issued
 from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.surface import ContactSurface
@@ -124,19 +125,22 @@ class Watch:
         if self.floating:
             stretches = stretches | off_rigid(self.floating, u)
         if len(state.surface):  # of what slides far
-            turns = turns | rigid_rotations(self.system, self.contacts, state.surface)
+            far = surface_turns(self.system, self.contacts, state.surface)
+            turns = turns | rigid_rotations(far)
+            leaning = leaning | turned(result, far, self.supports, [d.approach for d in drifts])
         undetected = {
             watch.i: watch.undetected(state, gap, case, u, drift)
             for watch, drift in zip(self.watches, drifts, strict=True)
             if watch.on_obstacle
         }
-        far = self.overlaps.far
         return Diagnostics(
             tuple(drifts),
             turns,
             issued,
             tuple(self.tracks),
-            self.overlaps.look_far(state, case, self.tracks, drifts) if far else frozenset(),
+            self.overlaps.look_far(state, case, self.tracks, drifts)
+            if self.overlaps.far
+            else frozenset(),
             {i: text for i, text in undetected.items() if text},
             leaning=leaning,
             stretches=stretches,
@@ -173,7 +177,8 @@ class Watch:
         suspected, looked = self._suspected(result)
         bodies, seen = self._strained(result)
         new = set(looked | seen)
-        if not (suspected or bodies or known.leaning or new):
+        beyond = leaning(self.system, known.leaning, known.issued)
+        if not (suspected or bodies or beyond or new):
             return known
         measured = Assessment(result)
         for i, kinds in suspected.items():
@@ -182,9 +187,12 @@ class Watch:
             new |= {(kind, name) for kind in found}
             if found:
                 warn(f"Contact {name!r} ({contact.label}): " + " ".join(found.values()) + ONCE)
-        problems = leaning(known.leaning)
+        problems: dict[tuple[str, str], str] = {}
         for name in bodies:
             problems |= {(kind, name): words for kind, words in measured.of_body(name).items()}
+        problems = {
+            key: beyond[key] for key in beyond if ("rotation", key[1]) not in problems
+        } | problems
         for key, words in problems.items():
             if key not in known.issued:
                 new.add(key)
