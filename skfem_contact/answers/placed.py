@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from skfem_contact.arrays import Array
-from skfem_contact.bodies.linearizable import State
+from skfem_contact.bodies.member import State
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
@@ -22,45 +22,6 @@ from skfem_contact.sealed import sealed
 
 if TYPE_CHECKING:
     from skfem_contact.problem.model import LinearModel
-
-
-@dataclass(frozen=True, eq=False)
-class Origin:
-    """Displacements that the unknowns of a linear problem count from, where not from zero.
-
-    What is left near an answer of bodies that are not linear is small, and so is its round-off, however
-    far they have come and however soft their tangents are.
-
-    Attributes
-    ----------
-    u : ndarray, shape (n,)
-        [length]
-    forces : ndarray, shape (n,)
-        What the bodies resist with there [force].
-    stiffness : tuple of csr_matrix
-        With which they go on; springs that a model has besides resist `u` as well.
-    """
-
-    u: Array
-    forces: Array
-    stiffness: tuple[csr_matrix, ...]
-
-    def seen(self, case: LoadCase, kin: Kinematics, model: LinearModel) -> LoadCase:
-        """A load case for what is beyond the origin."""
-        forces = self.forces.copy()
-        parts = slices(model.system.offsets), self.stiffness, model.stiffness
-        for part, own, other in zip(*parts, strict=True):
-            if own is not other and self.u[part].any():
-                forces[part] += (other - own) @ self.u[part]
-        slipped = (kin.B_t @ self.u).reshape(case.slip0.shape)
-        slipped[~model.interface.slipping] = 0.0  # their slips are no unknowns
-        return copied(
-            case,
-            f=case.f - forces,
-            x=case.x - self.u,
-            gap0=case.gap0 + kin.B_n @ self.u,
-            slip0=case.slip0 + slipped,
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,10 +110,12 @@ class Placed:
             out[part] += K @ (u[part] - self.u[part])
         return out
 
-    def origin(self, model: LinearModel) -> Origin:
-        """What the linear problem near here counts from: here, and zero of linear condensed bodies.
+    def origin(self, model: LinearModel) -> Placed:
+        """What the unknowns of the linear problem near here count from.
 
-        A condensed body remembers what its loads do, which are the same in all iterates.
+        Here: what is left near an answer is small, and so is its round-off, however far bodies have
+        come and however soft their tangents are. Of linear condensed bodies zero, which remember what
+        their loads do: that is the same in all iterates.
         """
         system = model.system
         u, forces = np.zeros(system.n), np.zeros(system.n)
@@ -160,7 +123,24 @@ class Placed:
             if body.nonlinear or model.route != "condensed":
                 part = system.slice(body)
                 u[part], forces[part] = self.u[part], self.internal[part]
-        return Origin(u, forces, self.stiffness)
+        return replace(self, u=u, internal=forces)
+
+    def seen(self, case: LoadCase, kin: Kinematics, model: LinearModel) -> LoadCase:
+        """A load case for what is beyond here; springs that a model has besides resist `u` as well."""
+        forces = self.internal.copy()
+        parts = slices(model.system.offsets), self.stiffness, model.stiffness
+        for part, own, other in zip(*parts, strict=True):
+            if own is not other and self.u[part].any():
+                forces[part] += (other - own) @ self.u[part]
+        slipped = (kin.B_t @ self.u).reshape(case.slip0.shape)
+        slipped[~model.interface.slipping] = 0.0  # their slips are no unknowns
+        return copied(
+            case,
+            f=case.f - forces,
+            x=case.x - self.u,
+            gap0=case.gap0 + kin.B_n @ self.u,
+            slip0=case.slip0 + slipped,
+        )
 
 
 def fluid_beyond(body: Any, pressures: Array, u: Array) -> tuple[Array, csr_matrix]:

@@ -30,17 +30,17 @@ from skfem_contact.arguments import shown
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.inputs import stiffness_of
-from skfem_contact.bodies.linearizable import Linearized, State
+from skfem_contact.bodies.member import Linearized, State
 from skfem_contact.bodies.thresholds import BYTES_AT_ONCE
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, MaterialError
-from skfem_contact.materials.material import Material, Split, deformation, dilatation, everywhere
-from skfem_contact.materials.tensors import solid
+from skfem_contact.materials.material import Material, Split, everywhere
+from skfem_contact.materials.tensors import deformation, dilatation, solid
 from skfem_contact.sealed import sealed_matrix
 
 
 class Continuum:
-    """The equations of a body of one material, see `Linearizable`.
+    """The equations of a body of one material, see `Member`.
 
     Parameters
     ----------

@@ -19,11 +19,11 @@ from skfem_contact.bodies.boundaries import boundary_dofs, check_not_lost
 from skfem_contact.bodies.equations import Continuum, Differentiated, Forms
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points
-from skfem_contact.bodies.linearizable import Linearized, State
+from skfem_contact.bodies.member import Linearized, State
 from skfem_contact.bodies.quadrature import LINEAR, scalar_element
 from skfem_contact.errors import InputError, warn
-from skfem_contact.materials.material import FromFunction, Material, Split, deformation
-from skfem_contact.materials.tensors import solid
+from skfem_contact.materials.material import FromFunction, Material, Split
+from skfem_contact.materials.tensors import deformation, solid
 from skfem_contact.records import dataclass
 
 #: Elements of first order that the mean change of volume does not help: theirs is constant.
@@ -199,7 +199,7 @@ class NonlinearBody(Body):
         return dict(self.equations.initial_state)
 
     def linearize(self, u: Array | None = None, state: State | None = None) -> Linearized:
-        """Tangent, internal forces and internal variables at displacements u, see `Linearizable`."""
+        """Tangent, internal forces and internal variables at displacements u, see `Member`."""
         return self.equations.linearize(self._displacements(u), self._state(state))
 
     def energy(self, u: ArrayLike, state: State | None = None) -> tuple[float, float]:

@@ -295,7 +295,7 @@ class NonlinearSearch:
         raise NoAnswer("the bodies have no answer where the step begins")
 
     def _solve(self, step: LoadStep, at: Placed, exact: bool) -> tuple[Attempt, Array]:
-        """The linear problem near an iterate, exactly for contact or nearly; with displacements (n,)."""
+        """The linear problem near an iterate, exactly for contact or nearly; and its displacements."""
         base, options = self.stepper.model, self.stepper.options
         model = base.with_tangents(at.stiffness)
         by = replace(self.stepper, model=model, options=replace(options, max_cuts=0))

@@ -22,16 +22,17 @@ from skfem_contact.arguments import PrintedAsCall, check_switch, numbers, with_k
 from skfem_contact.arrays import Array
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError, MaterialError
-from skfem_contact.materials.logarithmic import logarithmic, undeformed_axes
-from skfem_contact.materials.material import (
-    Isotropic,
-    Split,
-    State,
+from skfem_contact.materials.material import Isotropic, Split, State, everywhere, take_numbers
+from skfem_contact.materials.tensors import (
+    deviator,
     dilatation,
-    everywhere,
-    take_numbers,
+    double,
+    isotropic,
+    logarithmic,
+    solid,
+    symmetric,
+    undeformed_axes,
 )
-from skfem_contact.materials.tensors import deviator, double, isotropic, solid, symmetric
 from skfem_contact.records import dataclass
 
 #: Steps at most in the search for a plastic strain: halving alone has all digits after 53.
