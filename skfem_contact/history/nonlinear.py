@@ -187,51 +187,50 @@ class NonlinearSearch:
     def _newton(self, part: LoadStep, aim: float) -> Attempt:
         """Solve one part of the load step; only where it arrives is `placed` another."""
         options, base = self.stepper.options, self.stepper.model
-        at, now, on, own = self._forecast(part), None, None, None
-        step, secant = replace(part, pairing=self._pairing(part, at.u)), Anderson()
-        bound, exact, closing, shift = np.inf, True, False, 0.0
+        now, on, own = self._forecast(part), None, None
+        step, secant = replace(part, pairing=self._pairing(part, now.placed.u)), Anderson()
+        exact, closing, shift = True, False, 0.0
         for number in range(1, options.max_placements + 1):
             try:
-                attempt, u = self._solve(step, at.stiffened(base.stiffness, shift), exact)
-                there = self._stepped(part.target, at, now, attempt, u, bound)
+                attempt, u = self._solve(step, now.placed.stiffened(base.stiffness, shift), exact)
+                there = self._stepped(part.target, now, attempt, u)
             except NoAnswer as none:
                 stiffer = [share for share in SHIFTS if share > shift]
                 if not stiffer or (none.attempt is not None and none.attempt.stopped):
                     raise
                 exact, shift = True, stiffer[0]
                 continue
-            nearer = there.share == 1.0 and (now is None or there.norm < now.norm)
-            at, now, bound, shift = there.placed, there, there.norm, min(shift, SHIFTS[0])
+            nearer = there.share == 1.0 and there.norm < now.norm
+            now, u, shift = there, there.placed.u, min(shift, SHIFTS[0])
             contact, on = len(attempt.outcome.trace), step.pairing
             self.newton.append(Iteration(number, aim, now.most / now.scale, now.share, contact))
             logger.debug("%s", self.newton[-1])
-            balanced = now.share == 1.0 and now.most <= now.limit and holds(attempt, at.u)
-            self._reached, self.advance.attempt = at, attempt
-            attempt, own = self._judged(step, attempt, at.u, FAR if number == 1 else 1.0)
+            balanced = now.share == 1.0 and now.most <= now.limit and holds(attempt, u)
+            self._reached, self.advance.attempt = now.placed, attempt
+            attempt, own = self._judged(step, attempt, u, FAR if number == 1 else 1.0)
             self.advance.attempt = attempt
             if balanced and attempt.good:
-                self._arrive(part, attempt, at)
+                self._arrive(part, attempt, now.placed)
                 return attempt
             # a pairing that has settled stays, and Newton's method is quick again; so does one on which
             # bodies have yet to come nearer: nothing bounds what is left where both change
             if own is not None and attempt.failure and (nearer or balanced):
-                bound = np.inf  # residuals on two pairings are two things: no smaller one is asked for
-                if now.share < 1.0:  # no answer on the pairing before, which secants are of
-                    secant = Anderson()
-                step = self._next(step, at.u, own, secant)
+                # residuals on two pairings are two things: no smaller one is asked for
+                now = now._replace(norm=np.inf)
+                step = self._next(step, u, own, secant)
             closing = closing or balanced  # contact alone is left, and is solved to its end from now on
             exact, step = closing, replace(step, known=attempt.state)
         raise self._unsettled(now, on, own)
 
-    def _unsettled(self, now: Reached | None, on: Pairing, own: Pairing) -> NoAnswer:
+    def _unsettled(self, now: Reached, on: Pairing, own: Pairing) -> NoAnswer:
         """No answer after all iterates; where pairings lead to each other the point is named."""
         by, geometry, interface = (
             self.stepper,
             self.stepper.model.geometry,
             self.stepper.model.interface,
         )
-        left = np.inf if now is None else now.most / now.scale
-        why = f"{by.options.max_placements} iterates left {left:.1e} of the largest force"
+        left = f"{now.most / now.scale:.1e} of the largest force"
+        why = f"{by.options.max_placements} iterates left {left}"
         attempt: Attempt | None = vars(self.advance).get("attempt")
         unlike = attempt is not None and attempt.mismatch > by.options.placement_tolerance
         if on is None or own is None or attempt is None or not unlike:
@@ -279,19 +278,22 @@ class NonlinearSearch:
             raise NoAnswer(attempt.failure, attempt=attempt)
         return attempt, own
 
-    def _forecast(self, part: LoadStep) -> Placed:
+    def _forecast(self, part: LoadStep) -> Reached:
         """Where bodies are linearised first: on the way of the step before, or a little way back."""
-        begin, system = self.placed, self.stepper.model.system
+        begin, system, kin = self.placed, self.stepper.model.system, self.stepper.model.kin
         moved, way = (part.target.x - part.before.x)[system.D], begin.trend[system.D]
         if way.any() and moved.any():
             ratio = float(moved @ way / (way @ way))
         else:
-            ratio = part.share * float(np.sign(_work(part, self.stepper.model.kin, begin.trend)))
+            ratio = part.share * float(np.sign(_work(part, kin, begin.trend)))
         # a little way back what yielded is elastic again; just here, round-off would decide
         ratio = min(ratio, LONGER) if ratio > 0 else -GIVEN
         for ahead in (ratio * begin.trend, 0.0 * begin.trend):
             with suppress(MaterialError):
-                return begin.moved(system, begin.u + ahead, part.target.fluid)
+                placed = begin.moved(system, begin.u + ahead, part.target.fluid)
+                forces = point_forces(kin, part.state.along(kin))
+                # the first step is whole: before it the supports have not moved
+                return self._missing(part.target, placed, forces, 1.0)._replace(norm=np.inf)
         raise NoAnswer("the bodies have no answer where the step begins")
 
     def _solve(self, step: LoadStep, at: Placed, exact: bool) -> tuple[Attempt, Array]:
@@ -336,33 +338,21 @@ class NonlinearSearch:
             raise NoAnswer(attempt.reason, attempt=attempt)
         return attempt
 
-    def _stepped(
-        self,
-        case: LoadCase,
-        at: Placed,
-        last: Reached | None,
-        attempt: Attempt,
-        u: Array,
-        bound: float,
-    ) -> Reached:
-        """As far towards the answer u (n,) of a linear problem as what is missing falls below a bound.
-
-        The first step of a part is whole, as before it the supports have not moved.
-        """
-        system, share, why = self.stepper.model.system, 1.0, NO_NEARER
+    def _stepped(self, case: LoadCase, last: Reached, attempt: Attempt, u: Array) -> Reached:
+        """As far towards the answer u (n,) of a linear problem as the forces that are missing fall."""
+        system, at, share, why = self.stepper.model.system, last.placed.u, 1.0, NO_NEARER
         forces = point_forces(attempt.problem.kin, attempt.local)
         for _ in range(HALVINGS):
-            way = u if share == 1.0 else at.u + share * (u - at.u)
+            way, acting = u, forces
+            if share < 1.0:
+                way, acting = at + share * (u - at), last.forces + share * (forces - last.forces)
             try:
                 placed = self.placed.moved(system, way, case.fluid)
             except MaterialError as error:
                 why = str(error)
             else:
-                acting = forces
-                if last is not None and share < 1.0:
-                    acting = last.forces + share * (forces - last.forces)
                 there = self._missing(case, placed, acting, share)
-                if there.norm <= max((1.0 - DECREASE * share) * bound, there.limit):
+                if there.norm <= max((1.0 - DECREASE * share) * last.norm, there.limit):
                     return there
             share *= 0.5
         raise NoAnswer(why)
