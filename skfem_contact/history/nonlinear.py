@@ -189,7 +189,7 @@ class NonlinearSearch:
         options, base = self.stepper.options, self.stepper.model
         now, on, own = self._forecast(part), None, None
         step, secant = replace(part, pairing=self._pairing(part, now.placed.u)), Anderson()
-        exact, closing, shift = True, False, 0.0
+        exact, closing, shift, left = True, False, 0.0, np.inf
         for number in range(1, options.max_placements + 1):
             try:
                 attempt, u = self._solve(step, now.placed.stiffened(base.stiffness, shift), exact)
@@ -200,7 +200,7 @@ class NonlinearSearch:
                     raise
                 exact, shift = True, stiffer[0]
                 continue
-            nearer = there.share == 1.0 and there.norm < now.norm
+            nearer, left = there.share == 1.0 and there.norm < left, there.norm
             now, u, shift = there, there.placed.u, min(shift, SHIFTS[0])
             contact, on = len(attempt.outcome.trace), step.pairing
             self.newton.append(Iteration(number, aim, now.most / now.scale, now.share, contact))
