@@ -86,14 +86,8 @@ class Placed:
             if i in fluid:
                 beyond[part], slope = fluid_beyond(body, fluid[i], u[part])
                 stiffness[i] = csr_matrix(stiffness[i] - slope)
-        return Placed(
-            sealed(u),
-            tuple(stiffness),
-            sealed(internal - beyond),
-            sealed(beyond),
-            tuple(states),
-            self.trend,
-        )
+        internal, beyond = sealed(internal - beyond), sealed(beyond)
+        return Placed(sealed(u), tuple(stiffness), internal, beyond, tuple(states), self.trend)
 
     def stiffened(self, undeformed: Sequence[csr_matrix], share: float) -> Placed:
         """With a share of the tangents of the undeformed bodies added to those of here."""

@@ -47,8 +47,7 @@ from skfem_contact.history.equilibrium import (
     has_corners,
 )
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
-from skfem_contact.history.refined import ROUGH, UNSOLVED, holds, refined, usable
-from skfem_contact.history.remarks import remarks
+from skfem_contact.history.refined import ROUGH, UNSOLVED, holds, refined, remarks, usable
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.stepping import Bisection, settled, travelled
 from skfem_contact.history.thresholds import (
@@ -135,7 +134,7 @@ class NonlinearSearch:
     newton : list of Iteration
         Of all iterates, those of parts that failed included.
     remarks : dict of str
-        What is to be said of the answer, see `remarks.remarks`.
+        What is to be said of the answer, see `refined.remarks`.
     recovery : Recovery
         The displacements, which are known.
     last : EquilibriumSearch
@@ -224,18 +223,12 @@ class NonlinearSearch:
 
     def _unsettled(self, now: Reached, on: Pairing, own: Pairing) -> NoAnswer:
         """No answer after all iterates; where pairings lead to each other the point is named."""
-        by, geometry, interface = (
-            self.stepper,
-            self.stepper.model.geometry,
-            self.stepper.model.interface,
-        )
+        model, options, attempt = self.stepper.model, self.stepper.options, self.advance.attempt
         left = f"{now.most / now.scale:.1e} of the largest force"
-        why = f"{by.options.max_placements} iterates left {left}"
-        attempt: Attempt | None = vars(self.advance).get("attempt")
-        unlike = attempt is not None and attempt.mismatch > by.options.placement_tolerance
-        if on is None or own is None or attempt is None or not unlike:
+        why = f"{options.max_placements} iterates left {left}"
+        if on is None or own is None or attempt.mismatch <= options.placement_tolerance:
             return NoAnswer(why)
-        point = geometry.least_settled(on[0], own[0], attempt.local)
+        interface, point = model.interface, model.geometry.least_settled(on[0], own[0], attempt.local)
         corners = has_corners(interface.contacts[interface.contact_of(point)])
         why += f"; {interface.point_words(point, own[0].points[point])} meets another partner"
         return NoAnswer(why, Verdict(advice=CORNERS) if corners else None)

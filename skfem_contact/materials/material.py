@@ -30,6 +30,8 @@ class Material(ABC):
     finite_strain : bool
         False: strain is the symmetric part of H, stress is Cauchy's. True: ``F = 1 + H`` may be large,
         and stress is the first Piola-Kirchhoff stress, force by initial area.
+    initial : dict of number or ndarray
+        Internal variables of the virgin material at one point, by name; none.
     mean_dilatation : bool
         Whether `NonlinearBody` should take means of the change of volume over elements of first order,
         which lock otherwise; for materials that are `Split`.
@@ -48,6 +50,7 @@ class Material(ABC):
 
     finite_strain: bool = False
     mean_dilatation: bool = False
+    initial: Mapping[str, ArrayLike] = {}
 
     @abstractmethod
     def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
@@ -75,8 +78,8 @@ class Material(ABC):
         """
 
     def initial_state(self, elements: int, points: int) -> dict[str, Array]:
-        """Internal variables of the virgin material; none."""
-        return {}
+        """Internal variables of the virgin material."""
+        return everywhere(self.initial, elements, points)
 
     def energy(self, H: Array, state: State) -> tuple[Array, Array]:
         """Energy by initial volume, stored and dissipated until now, each of shape (e, q).
@@ -170,9 +173,6 @@ class FromFunction(Material):
     def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
         stress, tangent, new = self.function(H, state)
         return stress, tangent, new
-
-    def initial_state(self, elements: int, points: int) -> dict[str, Array]:
-        return everywhere(self.initial, elements, points)
 
 
 class FromFelupe(FromFunction):
