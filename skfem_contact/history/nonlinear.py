@@ -173,6 +173,9 @@ class NonlinearSearch:
                     return self._refused(none, parts.done)
                 way.cuts += 1
                 parts.cut(0.0 if ended is None else ended.travel)
+                if ended is not None and ended.travel > 1.0 and self._reached is not None:
+                    trend = sealed((self._reached.u - self.placed.u) / part.share)
+                    self.placed = replace(self.placed, trend=trend)
                 logger.info("step cut to %.4g of its size: %s", parts.share, none)
                 continue
             if model.interface.laws:
