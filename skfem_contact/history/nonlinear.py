@@ -168,12 +168,12 @@ class NonlinearSearch:
             try:
                 attempt = self._newton(part, parts.aim)
             except NoAnswer as none:
-                ended = none.attempt
-                if parts.spent or (ended is not None and ended.stopped):
+                travel = 0.0 if none.attempt is None else none.attempt.travel
+                if parts.spent or (none.attempt is not None and none.attempt.stopped):
                     return self._refused(none, parts.done)
                 way.cuts += 1
-                parts.cut(0.0 if ended is None else ended.travel)
-                if ended is not None and ended.travel > 1.0 and self._reached is not None:
+                parts.cut(travel)
+                if travel > 1.0 and self._reached is not None:  # too far, but on the way
                     trend = sealed((self._reached.u - self.placed.u) / part.share)
                     self.placed = replace(self.placed, trend=trend)
                 logger.info("step cut to %.4g of its size: %s", parts.share, none)

@@ -156,7 +156,7 @@ class FromFunction(Material):
 
     def __init__(
         self,
-        function: Callable[[Array, State], tuple[Any, Any, Any]],
+        function: Callable[..., Any],
         initial: Mapping[str, ArrayLike] | None = None,
         *,
         finite_strain: bool = False,
