@@ -42,6 +42,9 @@ class Placed:
         Internal variables of each body there; none of linear ones.
     trend : ndarray, shape (n,)
         How the displacements changed in the last part of a load step, over its share of it [length].
+    rims : tuple of slice and csr_matrix
+        DOFs of bodies that fluids press, and the part of the derivative of their load that is not
+        symmetric: it belongs to the rims of the pressed surfaces.
     """
 
     u: Array
@@ -50,6 +53,7 @@ class Placed:
     beyond: Array
     material: tuple[State, ...]
     trend: Array
+    rims: tuple[tuple[slice, csr_matrix], ...] = ()
 
     @classmethod
     def of_start(cls, system: System, stiffness: Sequence[csr_matrix], start: Any) -> Placed:
@@ -74,7 +78,7 @@ class Placed:
         MaterialError
             A body has no answer.
         """
-        stiffness, states = list(self.stiffness), list(self.material)
+        stiffness, states, rims = list(self.stiffness), list(self.material), []
         internal, beyond = np.zeros((2, system.n))
         bodies: tuple[Any, ...] = system.bodies  # those with fluids are not linear
         for i, body in enumerate(bodies):
@@ -85,9 +89,11 @@ class Placed:
                 internal[part] = stiffness[i] @ u[part]
             if i in fluid:
                 beyond[part], slope = fluid_beyond(body, fluid[i], u[part])
-                stiffness[i] = csr_matrix(stiffness[i] - slope)
+                stiffness[i] = csr_matrix(stiffness[i] - 0.5 * (slope + slope.T))
+                rims.append((part, 0.5 * (slope - slope.T)))
         internal, beyond = sealed(internal - beyond), sealed(beyond)
-        return Placed(sealed(u), tuple(stiffness), internal, beyond, tuple(states), self.trend)
+        now = tuple(stiffness), internal, beyond, tuple(states), self.trend, tuple(rims)
+        return Placed(sealed(u), *now)
 
     def stiffened(self, undeformed: Sequence[csr_matrix], share: float) -> Placed:
         """With a share of the tangents of the undeformed bodies added to those of here."""
@@ -96,6 +102,13 @@ class Placed:
         pairs = zip(self.stiffness, undeformed, strict=True)
         stiffness = tuple(K if K is own else csr_matrix(K + share * own) for K, own in pairs)
         return replace(self, stiffness=stiffness)
+
+    def turned(self, u: Array) -> Array:
+        """Return what fluids have more at the rims of what they press, at displacements u (n,)."""
+        out = np.zeros(len(u))
+        for part, slope in self.rims:
+            out[part] += slope @ (u[part] - self.u[part])
+        return out
 
     def resisting(self, system: System, u: Array) -> Array:
         """Return what the bodies as linearised here resist displacements u (n,) with, (n,) [force]."""

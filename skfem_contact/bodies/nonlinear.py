@@ -280,8 +280,7 @@ class NonlinearBody(Body):
         -------
         load : ndarray, shape (n,)
         derivative : csr_matrix, shape (n, n)
-            Its symmetric part. The rest belongs to the rim of the pressed surface alone, and vanishes
-            where the rim is held or closed.
+            Symmetric but for the rim of the pressed surface.
 
         Notes
         -----
@@ -318,7 +317,7 @@ class NonlinearBody(Body):
         rows, columns = np.broadcast_arrays(on.element_dofs[:, None], on.element_dofs)
         K = csr_matrix((slope.ravel(), (rows.ravel(), columns.ravel())), shape=(self.n, self.n))
         f = np.bincount(on.element_dofs.ravel(), load.ravel(), minlength=self.n)
-        return np.asarray(f, dtype=float), csr_matrix(0.5 * (K + K.T))
+        return np.asarray(f, dtype=float), K
 
     def _displacements(self, u: Any) -> Array:
         if u is None:

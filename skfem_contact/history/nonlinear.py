@@ -33,11 +33,11 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 import numpy as np
 
 from skfem_contact.answers.placed import Iteration, Placed, point_forces
-from skfem_contact.arrays import Array
+from skfem_contact.arrays import Array, largest
 from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.digits import GIVEN
+from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.history.equilibrium import (
     ARRIVED,
@@ -302,7 +302,7 @@ class NonlinearSearch:
         # in space directions of friction turn, which takes more than a few: the next begins anew; and
         # where linear problems are iterated, the first of a few are rough
         turns = model.kin.tangents > 1 and bool(model.interface.laws)
-        if not (exact or turns or model.motions.k or model.route in ROUGH):
+        if not (exact or turns or at.rims or model.motions.k or model.route in ROUGH):
             few = replace(by, options=replace(by.options, max_iterations=CONTACT_ITERATIONS))
             problem = model.problem_on(*(step.pairing or (None, None)))
             with suppress(*UNSOLVED):  # exactly, then
@@ -311,19 +311,27 @@ class NonlinearSearch:
                     attempt, u = refined(attempt, Recovery.of(attempt)(), at)
                     if usable(attempt, u):
                         return self._ended(attempt), u
-        search = EquilibriumSearch(by, step, self.start)
-        try:
-            verdict = search.find()
-        except UNSOLVED:
-            raise NoAnswer(NONE_NEAR, Verdict(advice=SINGULAR)) from None
-        if not verdict.arrived:
-            ended = self._ended(search.advance.attempt) if verdict.reached else None
-            raise NoAnswer(NONE_NEAR, verdict, ended)
-        self.last, attempt, u = search, self._ended(search.advance.attempt), search.recovery()
-        if attempt.model is model:  # and no springs hold it
-            attempt, u = refined(attempt, u, at)
-        if not usable(attempt, u):
-            raise NoAnswer(NONE_NEAR, Verdict(advice=SINGULAR))
+        turned, secant = np.zeros(len(at.u)), Anderson()
+        for _ in range(options.max_placements):
+            search = EquilibriumSearch(by, step, self.start)
+            try:
+                verdict = search.find()
+            except UNSOLVED:
+                raise NoAnswer(NONE_NEAR, Verdict(advice=SINGULAR)) from None
+            if not verdict.arrived:
+                ended = self._ended(search.advance.attempt) if verdict.reached else None
+                raise NoAnswer(NONE_NEAR, verdict, ended)
+            self.last, attempt, u = search, self._ended(search.advance.attempt), search.recovery()
+            if attempt.model is model:  # and no springs hold it
+                attempt, u = refined(attempt, u, at)
+            if not usable(attempt, u):
+                raise NoAnswer(NONE_NEAR, Verdict(advice=SINGULAR))
+            # linear problems are symmetric: what turns with the rims of fluids follows from answers
+            found = at.turned(u)
+            if largest(np.abs(found - turned)) <= COMPUTED * largest(np.abs(target.f)):
+                break
+            turned = secant.next(turned, found)
+            step = replace(step, target=copied(target, f=target.f + turned), known=attempt.state)
         return attempt, u
 
     def _ended(self, attempt: Attempt) -> Attempt:
