@@ -14,13 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer, contact_forces
-from skfem_contact.answers.thresholds import NO_LOAD
 from skfem_contact.arguments import NamesAttributes
 from skfem_contact.arrays import Array
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.state import OPEN
-from skfem_contact.digits import COMPUTED, GIVEN
+from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.pairing.vectors import cross
 from skfem_contact.records import dataclass
 
@@ -137,7 +136,7 @@ def certify(result: Answer) -> Certificate:
     floor = 0.0
     if not f.any():
         noise = _largest_term(result)
-        floor = GIVEN * noise if force < NO_LOAD * noise else 0.0
+        floor = GIVEN * noise if force < COMPUTED * noise else 0.0
     if not (f.any() or result.case.x.any()):
         # what is left of earlier forces is no scale for itself: coordinates have rounding errors, and
         # a force that is smaller than what such a distance makes in the softest body is none
@@ -154,7 +153,7 @@ def certify(result: Answer) -> Certificate:
     total = max(total, floor)
     balance, moment, across, normal = _balance(result, f + reactions, total * length)
     # a contact that carries round-off of the others has no digits of its own
-    violation = _friction_violation(result, max(floor, NO_LOAD * force))
+    violation = _friction_violation(result, max(floor, SOLVED * force))
     return Certificate(
         equilibrium=_ratio(np.max(np.abs(residual), initial=0.0), force),
         penetration=_ratio(np.max(overlap, initial=0.0), length),
