@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from skfem_contact.arrays import Array
-from skfem_contact.bodies.linearizable import State
+from skfem_contact.bodies.member import State
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
@@ -22,45 +22,6 @@ from skfem_contact.sealed import sealed
 
 if TYPE_CHECKING:
     from skfem_contact.problem.model import LinearModel
-
-
-@dataclass(frozen=True, eq=False)
-class Origin:
-    """Displacements that the unknowns of a linear problem count from, where not from zero.
-
-    What is left near an answer of bodies that are not linear is small, and so is its round-off, however
-    far they have come and however soft their tangents are.
-
-    Attributes
-    ----------
-    u : ndarray, shape (n,)
-        [length]
-    forces : ndarray, shape (n,)
-        What the bodies resist with there [force].
-    stiffness : tuple of csr_matrix
-        With which they go on; springs that a model has besides resist `u` as well.
-    """
-
-    u: Array
-    forces: Array
-    stiffness: tuple[csr_matrix, ...]
-
-    def seen(self, case: LoadCase, kin: Kinematics, model: LinearModel) -> LoadCase:
-        """A load case for what is beyond the origin."""
-        forces = self.forces.copy()
-        parts = slices(model.system.offsets), self.stiffness, model.stiffness
-        for part, own, other in zip(*parts, strict=True):
-            if own is not other and self.u[part].any():
-                forces[part] += (other - own) @ self.u[part]
-        slipped = (kin.B_t @ self.u).reshape(case.slip0.shape)
-        slipped[~model.interface.slipping] = 0.0  # their slips are no unknowns
-        return copied(
-            case,
-            f=case.f - forces,
-            x=case.x - self.u,
-            gap0=case.gap0 + kin.B_n @ self.u,
-            slip0=case.slip0 + slipped,
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +42,9 @@ class Placed:
         Internal variables of each body there; none of linear ones.
     trend : ndarray, shape (n,)
         How the displacements changed in the last part of a load step, over its share of it [length].
+    rims : tuple of slice and csr_matrix
+        DOFs of bodies that fluids press, and the part of the derivative of their load that is not
+        symmetric: it belongs to the rims of the pressed surfaces.
     """
 
     u: Array
@@ -89,6 +53,7 @@ class Placed:
     beyond: Array
     material: tuple[State, ...]
     trend: Array
+    rims: tuple[tuple[slice, csr_matrix], ...] = ()
 
     @classmethod
     def of_start(cls, system: System, stiffness: Sequence[csr_matrix], start: Any) -> Placed:
@@ -113,7 +78,7 @@ class Placed:
         MaterialError
             A body has no answer.
         """
-        stiffness, states = list(self.stiffness), list(self.material)
+        stiffness, states, rims = list(self.stiffness), list(self.material), []
         internal, beyond = np.zeros((2, system.n))
         bodies: tuple[Any, ...] = system.bodies  # those with fluids are not linear
         for i, body in enumerate(bodies):
@@ -124,15 +89,11 @@ class Placed:
                 internal[part] = stiffness[i] @ u[part]
             if i in fluid:
                 beyond[part], slope = fluid_beyond(body, fluid[i], u[part])
-                stiffness[i] = csr_matrix(stiffness[i] - slope)
-        return Placed(
-            sealed(u),
-            tuple(stiffness),
-            sealed(internal - beyond),
-            sealed(beyond),
-            tuple(states),
-            self.trend,
-        )
+                stiffness[i] = csr_matrix(stiffness[i] - 0.5 * (slope + slope.T))
+                rims.append((part, 0.5 * (slope - slope.T)))
+        internal, beyond = sealed(internal - beyond), sealed(beyond)
+        now = tuple(stiffness), internal, beyond, tuple(states), self.trend, tuple(rims)
+        return Placed(sealed(u), *now)
 
     def stiffened(self, undeformed: Sequence[csr_matrix], share: float) -> Placed:
         """With a share of the tangents of the undeformed bodies added to those of here."""
@@ -142,6 +103,13 @@ class Placed:
         stiffness = tuple(K if K is own else csr_matrix(K + share * own) for K, own in pairs)
         return replace(self, stiffness=stiffness)
 
+    def turned(self, u: Array) -> Array:
+        """Return what fluids have more at the rims of what they press, at displacements u (n,)."""
+        out = np.zeros(len(u))
+        for part, slope in self.rims:
+            out[part] += slope @ (u[part] - self.u[part])
+        return out
+
     def resisting(self, system: System, u: Array) -> Array:
         """Return what the bodies as linearised here resist displacements u (n,) with, (n,) [force]."""
         out = np.array(self.internal)
@@ -149,10 +117,12 @@ class Placed:
             out[part] += K @ (u[part] - self.u[part])
         return out
 
-    def origin(self, model: LinearModel) -> Origin:
-        """What the linear problem near here counts from: here, and zero of linear condensed bodies.
+    def origin(self, model: LinearModel) -> Placed:
+        """What the unknowns of the linear problem near here count from.
 
-        A condensed body remembers what its loads do, which are the same in all iterates.
+        Here: what is left near an answer is small, and so is its round-off, however far bodies have
+        come and however soft their tangents are. Of linear condensed bodies zero, which remember what
+        their loads do: that is the same in all iterates.
         """
         system = model.system
         u, forces = np.zeros(system.n), np.zeros(system.n)
@@ -160,7 +130,24 @@ class Placed:
             if body.nonlinear or model.route != "condensed":
                 part = system.slice(body)
                 u[part], forces[part] = self.u[part], self.internal[part]
-        return Origin(u, forces, self.stiffness)
+        return replace(self, u=u, internal=forces)
+
+    def seen(self, case: LoadCase, kin: Kinematics, model: LinearModel) -> LoadCase:
+        """A load case for what is beyond here; springs that a model has besides resist `u` as well."""
+        forces = self.internal.copy()
+        parts = slices(model.system.offsets), self.stiffness, model.stiffness
+        for part, own, other in zip(*parts, strict=True):
+            if own is not other and self.u[part].any():
+                forces[part] += (other - own) @ self.u[part]
+        slipped = (kin.B_t @ self.u).reshape(case.slip0.shape)
+        slipped[~model.interface.slipping] = 0.0  # their slips are no unknowns
+        return copied(
+            case,
+            f=case.f - forces,
+            x=case.x - self.u,
+            gap0=case.gap0 + kin.B_n @ self.u,
+            slip0=case.slip0 + slipped,
+        )
 
 
 def fluid_beyond(body: Any, pressures: Array, u: Array) -> tuple[Array, csr_matrix]:

@@ -4,9 +4,9 @@
   nodes of facets, and pieces of a mesh;
 * `assembly`: stiffness and moduli from a form; `quadrature`: points of integration, gradients;
 * `boundaries`: tractions and displacements by the names of boundaries;
-* `member`, `body`, `system`: one body, and several under one numbering; `linearizable`: what is asked
-  of them; `nonlinear`: bodies that yield or stretch, `equations` (with `gradients`): their
-  equations; `rigid_modes`;
+* `member`: what is asked of a body; `body`, `system`: one, and several under one numbering;
+  `nonlinear`: bodies that yield or stretch, `equations` (with `gradients`): their equations;
+  `rigid_modes`;
 * `remote`: a stiffness that is held elsewhere, by a backend over several processes;
 * `surface`: a boundary as contact sees it, of a body or of none;
 * `facet_kinds`: the shape functions of facets; `facets`: their areas, their corners, and what lies

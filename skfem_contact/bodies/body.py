@@ -38,8 +38,7 @@ from skfem_contact.bodies.inputs import (
     prescribed_values,
     stiffness_of,
 )
-from skfem_contact.bodies.linearizable import Linearized, State
-from skfem_contact.bodies.member import Meshed
+from skfem_contact.bodies.member import Linearized, Meshed, State
 from skfem_contact.bodies.quadrature import volume
 from skfem_contact.bodies.rigid_modes import motion_names, rigid_modes
 from skfem_contact.bodies.selection import pieces
@@ -265,7 +264,7 @@ class Body(Meshed):
         return mass_of(self._mass, self.basis, self.measure, f"body {self.name or 'without name'!r}")
 
     def linearize(self, u: Array | None = None, state: State | None = None) -> Linearized:
-        """The stiffness, and the internal forces ``K u``, see `Linearizable`."""
+        """The stiffness, and the internal forces ``K u``, see `Member`."""
         return Linearized(self.K, np.zeros(self.n) if u is None else self.K @ u, {})
 
     def stress(self, u: Array, state: State | None = None) -> Array:

@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm, LinearForm
 from skfem.assembly.form.form import FormExtraParams
 
@@ -30,38 +29,31 @@ from skfem_contact.arguments import shown
 from skfem_contact.arrays import Array, runs
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.inputs import stiffness_of
-from skfem_contact.bodies.linearizable import Linearized, State
+from skfem_contact.bodies.member import Linearized, State
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, MaterialError
-from skfem_contact.materials.material import Material, Split, deformation, dilatation, everywhere
-from skfem_contact.materials.tensors import solid
+from skfem_contact.materials.material import everywhere
+from skfem_contact.materials.tensors import deformation, dilatation, solid
 from skfem_contact.sealed import sealed_matrix
 
 
 class Continuum:
-    """The equations of a body of one material, see `Linearizable`.
+    """The equations of a body of one material, see `Member`.
 
     Parameters
     ----------
     material : Material
+        With mean dilatation one that is `Split`.
     gradients : Gradients
     mean_dilatation : bool
     whose : str
         The body in words.
     """
 
-    def __init__(
-        self, material: Material, gradients: Gradients, mean_dilatation: bool, whose: str
-    ) -> None:
+    def __init__(self, material: Any, gradients: Gradients, mean_dilatation: bool, whose: str) -> None:
         self.material, self.gradients, self.whose = material, gradients, whose
-        self.split = material if mean_dilatation and isinstance(material, Split) else None
-        self.finite_strain = material.finite_strain
+        self.mean_dilatation, self.finite_strain = mean_dilatation, material.finite_strain
         self.initial_state = material.initial_state(gradients.elements, gradients.points)
-
-    @property
-    def mean_dilatation(self) -> bool:
-        """Return whether the change of volume is the mean of the element."""
-        return self.split is not None
 
     def linearize(self, u: Array, state: State) -> Linearized:
         """Stiffness, internal forces and internal variables."""
@@ -95,8 +87,8 @@ class Continuum:
         """Energy stored and dissipated until now, of accepted internal variables."""
         H, dx = self.gradients.of(u), self.gradients.dx
         stored, dissipated = self.material.energy(H, state)
-        if self.split is not None:
-            growth, U = dilatation(H, self.finite_strain)[0], self.split.volumetric
+        if self.mean_dilatation:
+            growth, U = dilatation(H, self.finite_strain)[0], self.material.volumetric
             stored = stored - U(growth)[0] + U(self._mean(growth, slice(None)))[0]
         return float(np.sum(stored * dx)), float(np.sum(dissipated * dx))
 
@@ -110,9 +102,9 @@ class Continuum:
         """Ask the material, with means of the change of volume if wanted, see `Split.averaged`."""
         state = {name: value[..., some, :] for name, value in state.items()}
         try:
-            if self.split is None:
+            if not self.mean_dilatation:
                 return (*self._checked(self.material(H, state), H, state), None, None)
-            means = self.split.averaged(H, state, lambda growth: self._mean(growth, some))
+            means = self.material.averaged(H, state, lambda growth: self._mean(growth, some))
         except MaterialError as error:
             element = None if error.element is None else error.element + some.start
             where = "" if element is None else f", element {element}"
@@ -144,11 +136,7 @@ class Continuum:
                 f"A_ijkl - A_klij is {largest:.3g}, of A {scale:.3g}. Non-associated plasticity and "
                 "the like are not for this method; or it is not the derivative of the stress"
             )
-        if not isinstance(new, dict) or set(new) != set(state):
-            raise InputError(
-                f"the material of {self.whose} returns the internal variables {sorted(new or ())}, "
-                f"and was given {sorted(state)}"
-            )
+        check_names(new, state, f"the material of {self.whose}")
         return np.broadcast_to(P, P.shape[:2] + at), A, new
 
 
@@ -165,10 +153,8 @@ class Forms:
         finite_strain: bool,
         whose: str,
     ) -> None:
-        for name, form, kind in (
-            ("residual", residual, LinearForm),
-            ("tangent", tangent, BilinearForm),
-        ):
+        given = ("residual", residual, LinearForm), ("tangent", tangent, BilinearForm)
+        for name, form, kind in given:
             if not isinstance(form, kind):
                 raise InputError(
                     f"{name} of {whose} is {shown(form)}, not a skfem.{kind.__name__}: give both "
@@ -198,19 +184,19 @@ class Forms:
         new: State = {}
         if self.state is not None:
             new = self.state(FormExtraParams({**self.basis.default_parameters(), **fields}))
-            if not isinstance(new, dict) or set(new) != set(state):
-                raise InputError(
-                    f"state of {self.whose} returns {shown(new)}, not a dict of {sorted(state)}"
-                )
-        K = self.tangent.assemble(self.basis, **fields)
-        f = self.residual.assemble(self.basis, **fields)
-        return Linearized(checked(K, f, self.basis, self.whose), f, new)
+            check_names(new, state, f"state of {self.whose}")
+        K, f = self._assembled(u, fields)
+        if not np.isfinite(f).all() or not np.isfinite(K.data).all():
+            raise MaterialError(f"{self.whose}: internal forces or tangent are NaN or infinite")
+        return Linearized(stiffness_of(K, self.basis, self.whose), f, new)
+
+    def _assembled(self, u: Array, fields: Mapping[str, Any]) -> tuple[Any, Array]:
+        """Tangent and internal forces."""
+        return tuple(form.assemble(self.basis, **fields) for form in (self.tangent, self.residual))
 
 
-class Differentiated:
+class Differentiated(Forms):
     """The equations of a body from its energy or residual, by `skfem.autodiff`."""
-
-    initial_state: Mapping[str, Any] = {}
 
     def __init__(self, basis: Any, energy: Any, residual: Any, finite_strain: bool, whose: str) -> None:
         try:
@@ -223,12 +209,11 @@ class Differentiated:
             ) from error
         self.basis, self.whose, self.finite_strain = basis, whose, finite_strain
         self.form = NonlinearForm(energy, hessian=True) if energy else NonlinearForm(residual)
-        self.density = energy
+        self.density, self.state, self.initial_state = energy, None, {}
 
-    def linearize(self, u: Array, state: State) -> Linearized:
-        """Stiffness and internal forces; there are no internal variables."""
+    def _assembled(self, u: Array, fields: Mapping[str, Any]) -> tuple[Any, Array]:
         K, minus = self.form.assemble(self.basis, x=u)
-        return Linearized(checked(K, minus, self.basis, self.whose), -minus, {})
+        return K, -minus
 
     def energy(self, u: Array, state: State) -> tuple[float, float]:
         """Energy stored and dissipated."""
@@ -239,8 +224,10 @@ class Differentiated:
         return float(np.sum(density * self.basis.dx)), 0.0
 
 
-def checked(K: csr_matrix, f: Array, basis: Any, whose: str) -> csr_matrix:
-    """A tangent that is symmetric; others, and NaN, are refused."""
-    if not np.isfinite(f).all() or not np.isfinite(K.data).all():
-        raise MaterialError(f"{whose}: internal forces or tangent are NaN or infinite")
-    return stiffness_of(K, basis, whose)
+def check_names(new: Any, known: State, what: str) -> None:
+    """Refuse what a user's function returns in the place of new internal variables."""
+    if not isinstance(new, dict) or set(new) != set(known):
+        given = sorted(new) if isinstance(new, dict) else shown(new)
+        raise InputError(
+            f"{what} returns the internal variables {given}, not a dict of {sorted(known)}"
+        )

@@ -5,23 +5,47 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
 from skfem_contact.arguments import NamesAttributes
-from skfem_contact.bodies.linearizable import Linearized, State
 from skfem_contact.digits import SOLVED
 from skfem_contact.sealed import sealed
 
-Index = np.ndarray
+#: Internal variables of a body by name, each of shape (..., elements, points of integration).
+State = Mapping[str, Any]
+
+
+class Linearized(NamedTuple):
+    """The answer of a body to its displacements, see `Member`.
+
+    Attributes
+    ----------
+    K : csr_matrix, shape (n, n)
+        Derivative of the internal forces by the displacements, symmetric [force/length].
+    internal : ndarray, shape (n,)
+        Internal forces: what holds the body in equilibrium [force].
+    state : dict of ndarray
+        Internal variables at these displacements. They hold from now on only if the step is accepted.
+    """
+
+    K: csr_matrix
+    internal: np.ndarray
+    state: State
 
 
 class Member(NamesAttributes, ABC):
-    """One of the bodies of a contact problem: its equations, and what its DOFs move.
+    r"""One of the bodies of a contact problem: its equations, and what its DOFs move.
 
-    A `Body` has a mesh; a rigid body has the DOFs of its motion alone.
+    A `Body` has a mesh; a rigid body has the DOFs of its motion alone. Its equations are linear near
+    displacements u: with the internal forces ``f_int(u)``, their derivative ``K(u)`` and the load,
+
+        ``K(u) v = f``,       ``f = f_ext - f_int(u) + K(u) u``.
+
+    A linear body answers the same whatever u is, so it is asked once. One that is not linear is asked
+    at every iterate, with its internal variables at the beginning of the step.
 
     Attributes
     ----------
@@ -32,6 +56,12 @@ class Member(NamesAttributes, ABC):
         Prescribed DOFs, sorted.
     x : ndarray, shape (n,)
         Prescribed values; zero where not prescribed.
+    nonlinear : bool
+        Whether `linearize` depends on u.
+    finite_strain : bool
+        Whether the body may turn and strain by any amount (total Lagrangian).
+    pressures : ndarray or None
+        Of fluids, by facet, which follow the deformed boundary [stress].
     """
 
     name: str | None
@@ -91,7 +121,20 @@ class Member(NamesAttributes, ABC):
 
     @abstractmethod
     def linearize(self, u: np.ndarray | None = None, state: State | None = None) -> Linearized:
-        """Stiffness and internal forces at displacements u, see `Linearizable`."""
+        """Stiffness, internal forces and internal variables at displacements u; changes nothing.
+
+        Parameters
+        ----------
+        u : ndarray, shape (n,), optional
+            Displacements; zero if not given [length].
+        state : dict of ndarray, optional
+            Internal variables at the beginning of the step; the initial ones if not given.
+
+        Raises
+        ------
+        MaterialError
+            Where an element turns inside out, or the material has no answer: take a smaller step.
+        """
 
     @abstractmethod
     def stiffness(self, K: Any, what: str) -> csr_matrix:

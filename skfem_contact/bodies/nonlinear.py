@@ -19,11 +19,11 @@ from skfem_contact.bodies.boundaries import boundary_dofs, check_not_lost
 from skfem_contact.bodies.equations import Continuum, Differentiated, Forms
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points
-from skfem_contact.bodies.linearizable import Linearized, State
+from skfem_contact.bodies.member import Linearized, State
 from skfem_contact.bodies.quadrature import LINEAR, scalar_element
 from skfem_contact.errors import InputError, warn
-from skfem_contact.materials.material import FromFunction, Material, Split, deformation
-from skfem_contact.materials.tensors import solid
+from skfem_contact.materials.material import FromFunction, Material, Split
+from skfem_contact.materials.tensors import deformation, solid
 from skfem_contact.records import dataclass
 
 #: Elements of first order that the mean change of volume does not help: theirs is constant.
@@ -199,7 +199,7 @@ class NonlinearBody(Body):
         return dict(self.equations.initial_state)
 
     def linearize(self, u: Array | None = None, state: State | None = None) -> Linearized:
-        """Tangent, internal forces and internal variables at displacements u, see `Linearizable`."""
+        """Tangent, internal forces and internal variables at displacements u, see `Member`."""
         return self.equations.linearize(self._displacements(u), self._state(state))
 
     def energy(self, u: ArrayLike, state: State | None = None) -> tuple[float, float]:
@@ -280,8 +280,7 @@ class NonlinearBody(Body):
         -------
         load : ndarray, shape (n,)
         derivative : csr_matrix, shape (n, n)
-            Its symmetric part. The rest belongs to the rim of the pressed surface alone, and vanishes
-            where the rim is held or closed.
+            Symmetric but for the rim of the pressed surface.
 
         Notes
         -----
@@ -318,7 +317,7 @@ class NonlinearBody(Body):
         rows, columns = np.broadcast_arrays(on.element_dofs[:, None], on.element_dofs)
         K = csr_matrix((slope.ravel(), (rows.ravel(), columns.ravel())), shape=(self.n, self.n))
         f = np.bincount(on.element_dofs.ravel(), load.ravel(), minlength=self.n)
-        return np.asarray(f, dtype=float), csr_matrix(0.5 * (K + K.T))
+        return np.asarray(f, dtype=float), K
 
     def _displacements(self, u: Any) -> Array:
         if u is None:

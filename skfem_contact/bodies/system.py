@@ -14,7 +14,6 @@ from skfem_contact import arguments
 from skfem_contact.arguments import suggest
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.inputs import csr32
-from skfem_contact.bodies.linearizable import Linearizable
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.remote import check_whole
 from skfem_contact.errors import InputError
@@ -94,8 +93,7 @@ class System:
 
         Of bodies that are not linear the loads from outside: their internal force is asked for later.
         """
-        bodies: tuple[Linearizable, ...] = self.bodies
-        answers = [body.linearize() for body in bodies]
+        answers = [body.linearize() for body in self.bodies]
         pairs = list(zip(self.bodies, answers, strict=True))
         K = [self.scaled(body, answer.K) for body, answer in pairs]
         f = [

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.placed import Origin
+from skfem_contact.answers.placed import Placed
 from skfem_contact.arrays import Array, lengths
 from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.interface import Interface
@@ -103,7 +103,7 @@ class LoadStep:
     pairing : pair of Kinematics and ndarray, or None
         The pairing that it is solved on, and the displacements (n,) of the surfaces that it was made
         at, where contact slides far and somebody else renews it.
-    origin : Origin or None
+    origin : Placed or None
         What the unknowns count from; zero without one.
     """
 
@@ -115,7 +115,7 @@ class LoadStep:
     share: float = 1.0
     workspace: Workspace = field(default_factory=Workspace, repr=False)
     pairing: tuple[Kinematics, Array] | None = None
-    origin: Origin | None = None
+    origin: Placed | None = None
 
 
 @dataclass(eq=False)
@@ -143,7 +143,7 @@ class Attempt:
     culprit: int = -1  # the point whose partner or way made the attempt fail
     stateless: Array | None = None
     carried: Carried | None = None
-    origin: Origin | None = None
+    origin: Placed | None = None
 
     def posed(self, case: LoadCase) -> LoadCase:
         """A load case as its problem counts it."""
@@ -259,7 +259,7 @@ class Recovery:
     unknowns : int
         Gaps and slips of the contact problem; zero where it is not on these.
     shift : ndarray, shape (n,), optional
-        Along motions that nothing resists, see `neutral_equilibrium`, and the `Origin` [length].
+        Along motions that nothing resists, see `neutral_equilibrium`, and `origin` [length].
     u : ndarray, shape (n,), optional
         The displacements, where they are known: of bodies that are not linear [length].
     """

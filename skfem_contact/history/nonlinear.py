@@ -26,18 +26,18 @@ of it.
 from __future__ import annotations
 
 import logging
+from contextlib import suppress
 from dataclasses import field, replace
-from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
 from skfem_contact.answers.placed import Iteration, Placed, point_forces
-from skfem_contact.arrays import Array
+from skfem_contact.arrays import Array, largest
 from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.digits import GIVEN
+from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.history.equilibrium import (
     ARRIVED,
@@ -47,8 +47,7 @@ from skfem_contact.history.equilibrium import (
     has_corners,
 )
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
-from skfem_contact.history.refined import ROUGH, UNSOLVED, holds, refined, usable
-from skfem_contact.history.remarks import remarks
+from skfem_contact.history.refined import ROUGH, UNSOLVED, holds, refined, remarks, usable
 from skfem_contact.history.stepper import NOISE, Stepper
 from skfem_contact.history.stepping import FAR, LONGER, SHORTER, Bisection, settled, travelled
 from skfem_contact.linalg.krylov import Anderson
@@ -71,6 +70,11 @@ SHIFTS = (1e-6, 1.0, 10.0)
 
 logger = logging.getLogger("skfem_contact")
 
+#: A pairing, and the displacements (n,) that it was made at; None where contact never changes.
+Pairing: TypeAlias = "tuple[Kinematics, Array] | None"
+
+NO_NEARER = "no step from an iterate comes nearer to equilibrium"
+NONE_NEAR = "contact has no answer near an iterate"
 NO_DESCENT = (
     "No smaller part of the step is in equilibrium near what was reached: usually a limit point, where "
     "bodies yield as a whole, buckle or snap. Prescribe displacements instead of forces to go beyond "
@@ -78,27 +82,40 @@ NO_DESCENT = (
 )
 
 
-@dataclass(eq=False)
-class Solved:
-    """The linear problem of an iterate as it was solved.
+class NoAnswer(Exception):
+    """A part of a load step has no answer: why, what to try, and the attempt that ended it."""
+
+    def __init__(
+        self, why: str, verdict: Verdict | None = None, attempt: Attempt | None = None
+    ) -> None:
+        super().__init__(why)
+        self.verdict = Verdict(advice=NO_DESCENT) if verdict is None else verdict
+        self.attempt = attempt
+
+
+class Reached(NamedTuple):
+    """Where an iterate has come to, and how far that is from equilibrium.
 
     Attributes
     ----------
-    attempt : Attempt or None
-    u : ndarray, shape (n,)
-        Displacements of all bodies [length].
-    verdict : Verdict
+    placed : Placed
+    forces : ndarray, shape (n,)
+        Of contact, on the DOFs [force].
+    share : float
+        Of the way to the answer of the linear problem.
+    norm, most : float
+        Of the forces that are missing; and the largest of them [force].
+    limit, scale : float
+        What counts as none, and the largest force that acts [force].
     """
 
-    attempt: Attempt | None
-    u: Array
-    verdict: Verdict = ARRIVED
-
-    @cached_property
-    def forces(self) -> Array:
-        """Of contact, on the DOFs, (n,) [force]."""
-        assert self.attempt is not None
-        return point_forces(self.attempt.problem.kin, self.attempt.local)
+    placed: Placed
+    forces: Array
+    share: float
+    norm: float
+    most: float
+    limit: float
+    scale: float
 
 
 @dataclass(eq=False)
@@ -117,7 +134,7 @@ class NonlinearSearch:
     newton : list of Iteration
         Of all iterates, those of parts that failed included.
     remarks : dict of str
-        What is to be said of the answer, see `remarks.remarks`.
+        What is to be said of the answer, see `refined.remarks`.
     recovery : Recovery
         The displacements, which are known.
     last : EquilibriumSearch
@@ -134,14 +151,13 @@ class NonlinearSearch:
     recovery: Recovery = field(init=False)
     last: EquilibriumSearch = field(init=False)
     _reached: Placed | None = None
-    _why: str = ""
 
     def find(self) -> Verdict:
         """Find the answer, in parts of the step where it does not come at once."""
         model, options = self.stepper.model, self.stepper.options
         if model.interface.wear:
             raise InputError(WEAR)
-        self.advance = Advance(np.zeros((2, len(model.interface.names))))
+        self.advance = way = Advance(np.zeros((2, len(model.interface.names))))
         self.last = EquilibriumSearch(self.stepper, self.step, self.start)
         self.placed = Placed.of_start(model.system, model.stiffness, self.start)
         parts = Bisection(options.max_cuts, SHORTER**options.max_cuts)
@@ -149,105 +165,78 @@ class NonlinearSearch:
         while True:
             if parts.share < 1.0:
                 part = parts.of(self.step, part)
-            verdict = self._newton(part, parts)
-            way = self.advance
-            if verdict.arrived:
-                attempt = way.attempt
-                if model.interface.laws:
-                    way.energy += attempt.energy
-                if parts.aim >= 1.0:
-                    return verdict
-                part = replace(part, state=attempt.state, before=part.target, known=attempt.state)
-                way.substeps += 1
-                parts.go_on(attempt.travel)
+            try:
+                attempt = self._newton(part, parts.aim)
+            except NoAnswer as none:
+                travel = 0.0 if none.attempt is None else none.attempt.travel
+                if parts.spent or (none.attempt is not None and none.attempt.stopped):
+                    return self._refused(none, parts.done)
+                way.cuts += 1
+                parts.cut(travel)
+                if travel > 1.0 and self._reached is not None:  # too far, but on the way
+                    trend = sealed((self._reached.u - self.placed.u) / part.share)
+                    self.placed = replace(self.placed, trend=trend)
+                logger.info("step cut to %.4g of its size: %s", parts.share, none)
                 continue
-            attempted = vars(way).get("attempt")
-            if parts.spent or (attempted is not None and attempted.stopped):
-                return self._refused(verdict, parts)
-            way.cuts += 1
-            parts.cut(0.0 if attempted is None else attempted.travel)
-            logger.info("step cut to %.4g of its size: %s", parts.share, self._why)
+            if model.interface.laws:
+                way.energy += attempt.energy
+            if parts.aim >= 1.0:
+                return ARRIVED
+            part = replace(part, state=attempt.state, before=part.target, known=attempt.state)
+            way.substeps += 1
+            parts.go_on(attempt.travel)
 
-    def _newton(self, part: LoadStep, parts: Bisection) -> Verdict:
+    def _newton(self, part: LoadStep, aim: float) -> Attempt:
         """Solve one part of the load step; only where it arrives is `placed` another."""
-        begin, options, base = self.placed, self.stepper.options, self.stepper.model
-        try:
-            at = self._forecast(part)
-        except MaterialError as error:  # at what was an answer
-            self._why = str(error)
-            return self._gives_up()
-        left, most, forces, exact, closing, shift = np.inf, 0.0, None, True, False, 0.0
-        reached = np.inf  # the norm of what the last iterate left
-        step, secant = replace(part, pairing=self._pairing(part, at.u)), Anderson()
+        options, base = self.stepper.options, self.stepper.model
+        now, on, own = self._forecast(part), None, None
+        step, secant = replace(part, pairing=self._pairing(part, now.placed.u)), Anderson()
+        exact, closing, shift, left = True, False, 0.0, np.inf
         for number in range(1, options.max_placements + 1):
-            solved = self._solve(step, at.stiffened(base.stiffness, shift), exact)
-            if solved.attempt is not None:
-                self.advance.trace.extend(solved.attempt.outcome.trace)
-                if solved.attempt.stopped:
-                    self.advance.attempt, self._why = solved.attempt, solved.attempt.reason
-                    return self._gives_up()
-            there, share, norm = self._stepped(part, begin, (at, forces, left), solved)
-            if there is None or solved.attempt is None:
+            try:
+                attempt, u = self._solve(step, now.placed.stiffened(base.stiffness, shift), exact)
+                there = self._stepped(part.target, now, attempt, u)
+            except NoAnswer as none:
                 stiffer = [share for share in SHIFTS if share > shift]
-                if not stiffer:
-                    return self._gives_up(solved.verdict)
+                if not stiffer or (none.attempt is not None and none.attempt.stopped):
+                    raise
                 exact, shift = True, stiffer[0]
                 continue
-            shift = min(shift, SHIFTS[0])
-            attempt = solved.attempt
-            forces = solved.forces if forces is None else forces + share * (solved.forces - forces)
-            missing, limit, scale = self._residual(part.target, there, forces)
-            most_missing = float(np.max(np.abs(missing)))
-            residual = most_missing / scale
-            record = Iteration(number, parts.aim, residual, share, len(attempt.outcome.trace))
-            self.newton.append(record)
-            logger.debug("%s", record)
-            nearer, reached = share == 1.0 and norm < reached, norm
-            at, left, most, self._reached = there, norm, max(most, norm), there
-            on, own = step.pairing, self._pairing(step, there.u)
-            attempt = self._judged(step, attempt, own, FAR if number == 1 else 1.0)
+            nearer, left = there.share == 1.0 and there.norm < left, there.norm
+            now, u, shift = there, there.placed.u, min(shift, SHIFTS[0])
+            contact, on = len(attempt.outcome.trace), step.pairing
+            self.newton.append(Iteration(number, aim, now.most / now.scale, now.share, contact))
+            logger.debug("%s", self.newton[-1])
+            balanced = now.share == 1.0 and now.most <= now.limit and holds(attempt, u)
+            self._reached, self.advance.attempt = now.placed, attempt
+            attempt, own = self._judged(step, attempt, u, FAR if number == 1 else 1.0)
             self.advance.attempt = attempt
-            if attempt.travel > 1.0 and attempt.failure:
-                self._why = attempt.failure
-                return self._gives_up()
-            balanced = share == 1.0 and most_missing <= limit and holds(solved.attempt, there.u)
             if balanced and attempt.good:
-                self._arrive(part, attempt, there)
-                return ARRIVED
+                self._arrive(part, attempt, now.placed)
+                return attempt
             # a pairing that has settled stays, and Newton's method is quick again; so does one on which
             # bodies have yet to come nearer: nothing bounds what is left where both change
-            if attempt.failure and (nearer or balanced):
-                left = most  # residuals on two pairings are two things: no smaller one is asked for
-                if share < 1.0:  # no answer on the pairing before, which secants are of
-                    secant = Anderson()
-                step = self._next(step, there.u, secant)
+            if own is not None and attempt.failure and (nearer or balanced):
+                # residuals on two pairings are two things: no smaller one is asked for
+                now = now._replace(norm=np.inf)
+                step = self._next(step, u, own, secant)
             closing = closing or balanced  # contact alone is left, and is solved to its end from now on
             exact, step = closing, replace(step, known=attempt.state)
-        self._why = f"{options.max_placements} iterates left {residual:.1e} of the largest force"
-        return self._alternates(on, own, attempt)
+        raise self._unsettled(now, on, own)
 
-    def _alternates(
-        self,
-        on: tuple[Kinematics, Array] | None,
-        own: tuple[Kinematics, Array] | None,
-        attempt: Attempt,
-    ) -> Verdict:
-        """No answer, where pairings may lead to each other: then the point is named."""
-        geometry, interface = self.stepper.model.geometry, self.stepper.model.interface
-        if on is None or own is None or attempt.mismatch <= self.stepper.options.placement_tolerance:
-            return self._gives_up()
-        point = geometry.least_settled(on[0], own[0], attempt.local)
-        self._why += f"; {interface.point_words(point, own[0].points[point])} meets another partner"
+    def _unsettled(self, now: Reached, on: Pairing, own: Pairing) -> NoAnswer:
+        """No answer after all iterates; where pairings lead to each other the point is named."""
+        model, options, attempt = self.stepper.model, self.stepper.options, self.advance.attempt
+        left = f"{now.most / now.scale:.1e} of the largest force"
+        why = f"{options.max_placements} iterates left {left}"
+        if on is None or own is None or attempt.mismatch <= options.placement_tolerance:
+            return NoAnswer(why)
+        interface, point = model.interface, model.geometry.least_settled(on[0], own[0], attempt.local)
         corners = has_corners(interface.contacts[interface.contact_of(point)])
-        return self._gives_up(advice=CORNERS if corners else NO_DESCENT)
+        why += f"; {interface.point_words(point, own[0].points[point])} meets another partner"
+        return NoAnswer(why, Verdict(advice=CORNERS) if corners else None)
 
-    def _gives_up(self, verdict: Verdict = ARRIVED, advice: str = NO_DESCENT) -> Verdict:
-        """No answer to a part of the step, which may be cut."""
-        if not verdict.arrived:
-            return verdict
-        return Verdict(advice=advice, reached="attempt" in vars(self.advance))
-
-    def _pairing(self, step: LoadStep, u: Array) -> tuple[Kinematics, Array] | None:
+    def _pairing(self, step: LoadStep, u: Array) -> Pairing:
         """The pairing at displacements u (n,), from the one before; None where it never changes."""
         geometry = self.stepper.model.geometry
         if not geometry.follows:
@@ -256,49 +245,55 @@ class NonlinearSearch:
         before = None if step.pairing is None else step.pairing[0]
         return geometry.at(u, step.target, before), u
 
-    def _next(self, step: LoadStep, u: Array, secant: Anderson) -> LoadStep:
+    def _next(self, step: LoadStep, u: Array, own: Pairing, secant: Anderson) -> LoadStep:
         """The step on another pairing: where secants lead from those of the last answers."""
-        if step.pairing is None:
-            return step
+        assert step.pairing is not None
         dofs = self.stepper.model.geometry.surface_dofs
         ahead = np.array(u)
         ahead[dofs] = secant.next(step.pairing[1][dofs], u[dofs])
-        return replace(step, pairing=self._pairing(step, ahead))
+        return replace(step, pairing=self._pairing(step, ahead) if secant.active else own)
 
     def _judged(
-        self, step: LoadStep, attempt: Attempt, own: tuple[Kinematics, Array] | None, far: float
-    ) -> Attempt:
-        """The attempt beside the pairing of its own answer, where contact slides far."""
-        if own is None or step.pairing is None:
-            return attempt
+        self, step: LoadStep, attempt: Attempt, u: Array, far: float
+    ) -> tuple[Attempt, Pairing]:
+        """The attempt beside the pairing of its own answer, where contact slides far; that pairing."""
         by, geometry = self.stepper, self.stepper.model.geometry
+        if step.pairing is None:
+            return attempt, None
         attempt = travelled(by, attempt, far)
         if attempt.failure:
-            return attempt
+            raise NoAnswer(attempt.failure, attempt=attempt)
+        own = self._pairing(step, u)
+        assert own is not None
         mismatch = geometry.mismatch(step.pairing[0], own[0], attempt.local, by.barred)
         if mismatch > by.options.placement_tolerance:
-            return replace(attempt, mismatch=mismatch, failure=f"the pairing moves by {mismatch:.1e}")
-        return settled(by, attempt, own[0], mismatch)
+            failure = f"the pairing moves by {mismatch:.1e}"
+            return replace(attempt, mismatch=mismatch, failure=failure), own
+        attempt = settled(by, attempt, own[0], mismatch)
+        if attempt.failure:
+            raise NoAnswer(attempt.failure, attempt=attempt)
+        return attempt, own
 
-    def _forecast(self, part: LoadStep) -> Placed:
+    def _forecast(self, part: LoadStep) -> Reached:
         """Where bodies are linearised first: on the way of the step before, or a little way back."""
-        begin, system = self.placed, self.stepper.model.system
+        begin, system, kin = self.placed, self.stepper.model.system, self.stepper.model.kin
         moved, way = (part.target.x - part.before.x)[system.D], begin.trend[system.D]
         if way.any() and moved.any():
             ratio = float(moved @ way / (way @ way))
         else:
-            ratio = part.share * float(np.sign(_work(part, self.stepper.model.kin, begin.trend)))
-        if begin.trend.any():
-            try:
-                # a little way back what yielded is elastic again; just here, round-off would decide
-                ratio = min(ratio, LONGER) if ratio > 0 else -GIVEN
-                return begin.moved(system, begin.u + ratio * begin.trend, part.target.fluid)
-            except MaterialError:
-                pass
-        return begin.moved(system, begin.u, part.target.fluid)
+            ratio = part.share * float(np.sign(_work(part, kin, begin.trend)))
+        # a little way back what yielded is elastic again; just here, round-off would decide
+        ratio = min(ratio, LONGER) if ratio > 0 else -GIVEN
+        for ahead in (ratio * begin.trend, 0.0 * begin.trend):
+            with suppress(MaterialError):
+                placed = begin.moved(system, begin.u + ahead, part.target.fluid)
+                forces = point_forces(kin, part.state.along(kin))
+                # the first step is whole: before it the supports have not moved
+                return self._missing(part.target, placed, forces, 1.0)._replace(norm=np.inf)
+        raise NoAnswer("the bodies have no answer where the step begins")
 
-    def _solve(self, step: LoadStep, at: Placed, exact: bool) -> Solved:
-        """The linear problem near an iterate: contact exactly, or with a few iterations."""
+    def _solve(self, step: LoadStep, at: Placed, exact: bool) -> tuple[Attempt, Array]:
+        """The linear problem near an iterate, exactly for contact or nearly; and its displacements."""
         base, options = self.stepper.model, self.stepper.options
         model = base.with_tangents(at.stiffness)
         by = replace(self.stepper, model=model, options=replace(options, max_cuts=0))
@@ -307,74 +302,79 @@ class NonlinearSearch:
         # in space directions of friction turn, which takes more than a few: the next begins anew; and
         # where linear problems are iterated, the first of a few are rough
         turns = model.kin.tangents > 1 and bool(model.interface.laws)
-        if not (exact or turns or model.motions.k or model.route in ROUGH):
+        if not (exact or turns or at.rims or model.motions.k or model.route in ROUGH):
             few = replace(by, options=replace(by.options, max_iterations=CONTACT_ITERATIONS))
             problem = model.problem_on(*(step.pairing or (None, None)))
-            try:
+            with suppress(*UNSOLVED):  # exactly, then
                 attempt = few.attempt(step, problem, "cold" if step.known is None else "warm")
                 if np.isfinite(attempt.outcome.iterate.residual):
                     attempt, u = refined(attempt, Recovery.of(attempt)(), at)
                     if usable(attempt, u):
-                        return Solved(attempt, u)
-            except UNSOLVED:
-                pass  # exactly, then
-        search = EquilibriumSearch(by, step, self.start)
-        try:
-            verdict = search.find()
-        except UNSOLVED as error:
-            self._why = str(error)
-            return Solved(None, at.u, Verdict(advice=SINGULAR, reached=False))
-        if not verdict.arrived:
-            return Solved(search.advance.attempt if verdict.reached else None, at.u, verdict)
-        self.last, attempt, u = search, search.advance.attempt, search.recovery()
-        if attempt.model is model:  # and no springs hold it
-            attempt, u = refined(attempt, u, at)
-        if not usable(attempt, u):
-            return Solved(None, at.u, Verdict(advice=SINGULAR, reached=False))
-        return Solved(attempt, u)
-
-    def _stepped(
-        self, part: LoadStep, begin: Placed, last: tuple[Placed, Array | None, float], solved: Solved
-    ) -> tuple[Placed | None, float, float]:
-        """As far towards the answer of a linear problem as the residual falls: where, share, residual.
-
-        The first step of a part is whole, as before it the supports have not moved.
-        """
-        at, forces, left = last
-        if not solved.verdict.arrived:
-            self._why = "contact has no answer near an iterate"
-            return None, 0.0, left
-        system, share = self.stepper.model.system, 1.0
-        for _ in range(HALVINGS):
-            u = solved.u if share == 1.0 else at.u + share * (solved.u - at.u)
+                        return self._ended(attempt), u
+        turned, secant = np.zeros(len(at.u)), Anderson()
+        for _ in range(options.max_placements):
+            search = EquilibriumSearch(by, step, self.start)
             try:
-                there = begin.moved(system, u, part.target.fluid)
-            except MaterialError as error:
-                self._why = str(error)
-            else:
-                reached = solved.forces
-                if forces is not None and share < 1.0:
-                    reached = forces + share * (solved.forces - forces)
-                missing, limit, _ = self._residual(part.target, there, reached)
-                norm = float(np.linalg.norm(missing))
-                if norm <= max((1.0 - DECREASE * share) * left, limit):
-                    return there, share, norm
-            share *= 0.5
-        self._why = self._why or "no step from an iterate comes nearer to equilibrium"
-        return None, share, left
+                verdict = search.find()
+            except UNSOLVED:
+                raise NoAnswer(NONE_NEAR, Verdict(advice=SINGULAR)) from None
+            if not verdict.arrived:
+                ended = self._ended(search.advance.attempt) if verdict.reached else None
+                raise NoAnswer(NONE_NEAR, verdict, ended)
+            self.last, attempt, u = search, self._ended(search.advance.attempt), search.recovery()
+            if attempt.model is model:  # and no springs hold it
+                attempt, u = refined(attempt, u, at)
+            if not usable(attempt, u):
+                raise NoAnswer(NONE_NEAR, Verdict(advice=SINGULAR))
+            # linear problems are symmetric: what turns with the rims of fluids follows from answers
+            found = at.turned(u)
+            if largest(np.abs(found - turned)) <= COMPUTED * largest(np.abs(target.f)):
+                break
+            turned = secant.next(turned, found)
+            step = replace(step, target=copied(target, f=target.f + turned), known=attempt.state)
+        return attempt, u
 
-    def _residual(self, case: LoadCase, there: Placed, forces: Array) -> tuple[Array, float, float]:
-        """What is missing to equilibrium (n,), what counts as none, and the largest force that acts."""
+    def _ended(self, attempt: Attempt) -> Attempt:
+        """An attempt at a linear problem, which the user's callback may have stopped."""
+        self.advance.trace.extend(attempt.outcome.trace)
+        if attempt.stopped:
+            self.advance.attempt = attempt
+            raise NoAnswer(attempt.reason, attempt=attempt)
+        return attempt
+
+    def _stepped(self, case: LoadCase, last: Reached, attempt: Attempt, u: Array) -> Reached:
+        """As far towards the answer u (n,) of a linear problem as the forces that are missing fall."""
+        system, at, share, why = self.stepper.model.system, last.placed.u, 1.0, NO_NEARER
+        forces = point_forces(attempt.problem.kin, attempt.local)
+        for _ in range(HALVINGS):
+            way, acting = u, forces
+            if share < 1.0:
+                way, acting = at + share * (u - at), last.forces + share * (forces - last.forces)
+            try:
+                placed = self.placed.moved(system, way, case.fluid)
+            except MaterialError as error:
+                why = str(error)
+            else:
+                there = self._missing(case, placed, acting, share)
+                if there.norm <= max((1.0 - DECREASE * share) * last.norm, there.limit):
+                    return there
+            share *= 0.5
+        raise NoAnswer(why)
+
+    def _missing(self, case: LoadCase, placed: Placed, forces: Array, share: float) -> Reached:
+        """How far bodies and forces of contact are from equilibrium."""
         system = self.stepper.model.system
-        missing = there.internal - case.f - forces
+        missing = placed.internal - case.f - forces
         acting = [np.max(np.abs(part), initial=0.0) for part in (case.f, forces, missing[system.D])]
         missing[system.D] = 0.0  # supports bear it
         # where nothing acts in the end, round-off is that of what the step began with
-        size = np.maximum(np.abs(there.u), np.abs(self.placed.u))
+        size = np.maximum(np.abs(placed.u), np.abs(self.placed.u))
         moved = [float(np.max(size[system.slice(body)])) for body in system.bodies]
         noise = NOISE * float(np.max(np.multiply(self.stepper.model.stiffest, moved)))
-        scale = max(*acting, noise, np.finfo(float).tiny)
-        return missing, max(self.stepper.options.tolerance * scale, noise), float(scale)
+        scale = float(max(*acting, noise, np.finfo(float).tiny))
+        limit = max(self.stepper.options.tolerance * scale, noise)
+        norm, most = float(np.linalg.norm(missing)), float(np.max(np.abs(missing)))
+        return Reached(placed, forces, share, norm, most, limit, scale)
 
     def _arrive(self, part: LoadStep, attempt: Attempt, there: Placed) -> None:
         """Take a part of the step as it was found; from here on the bodies remember it."""
@@ -386,17 +386,15 @@ class NonlinearSearch:
         trend = sealed((there.u - self.placed.u) / part.share)
         self.placed = replace(there, trend=trend)
 
-    def _refused(self, verdict: Verdict, parts: Bisection) -> Verdict:
-        """Why there is no answer, with the load that was reached."""
+    def _refused(self, none: NoAnswer, share: float) -> Verdict:
+        """Why there is no answer, with the share of the step that was reached."""
         attempt = vars(self.advance).get("attempt")
-        reached = attempt is not None
         if attempt is not None:
             self.placed = self._reached or self.placed
             self.recovery = replace(Recovery.of(attempt), u=self.placed.u)
-            self.advance.attempt = replace(attempt, failure=self._why, case=self.step.target)
-        share = parts.done
+            self.advance.attempt = replace(attempt, failure=str(none), case=self.step.target)
         carries = f"The bodies bear up to {share:.4g} of this step" + _load(self.step, share) + ". "
-        return replace(verdict, carries=carries, reached=reached)
+        return replace(none.verdict, carries=carries, reached=attempt is not None)
 
 
 def _work(part: LoadStep, kin: Kinematics, trend: Array) -> float:

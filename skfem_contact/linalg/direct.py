@@ -237,10 +237,6 @@ class IndefiniteFactor(BodyFactor):
         """Bytes."""
         return int(12 * self._factor.nnz + self._follow.nbytes + self.S.nbytes)
 
-    def take_S(self) -> np.ndarray:
-        """`S` for the caller alone, who may change it."""
-        return self.S.copy()
-
     def eliminate(self, f: np.ndarray) -> np.ndarray:
         """Loads (n,) or (n, r) with the interior eliminated, (n, r), in the order `order`."""
         f = f.reshape(len(f), -1)[self.order]

@@ -1,10 +1,9 @@
 """Materials: stress, its derivative and internal variables at points of integration.
 
 * `material`: what a material is, and one's own from a function, also of felupe's signature;
-* `tensors`: second-order tensors at many points;
+* `tensors`: second-order tensors at many points; laws of small strains at large ones;
 * `elastic`: linear elasticity;
 * `plasticity`: J2, metals that yield;
-* `logarithmic`: laws of small strains at large ones;
 * `hyperelastic`: neo-Hooke, Mooney-Rivlin, St. Venant-Kirchhoff.
 
 Arrays have their components first, then elements and points of integration, as in scikit-fem's forms.

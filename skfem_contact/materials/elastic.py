@@ -68,8 +68,7 @@ class Elastic(PrintedAsCall, Isotropic):
         return self.stress(H), tangent, {}
 
     def energy(self, H: Array, state: State) -> tuple[Array, Array]:
-        stored = 0.5 * double(self.stress(H), solid(symmetric(H)))
-        return stored, np.zeros_like(stored)
+        return self.stored(symmetric(solid(H)))
 
     def stress(self, u: Any, temperature: ArrayLike = 0.0) -> Array:
         """Stress (3, 3, ...) of a displacement gradient (d, d, ...), or of a field with it as `grad`.
@@ -82,8 +81,7 @@ class Elastic(PrintedAsCall, Isotropic):
         """
         strain = symmetric(solid(np.asarray(getattr(u, "grad", u), dtype=float)))
         thermal = self.expansion * np.asarray(temperature, dtype=float)
-        spherical = (self.bulk - 2.0 / 3.0 * self.shear) * trace(strain) - 3.0 * self.bulk * thermal
-        return 2.0 * self.shear * strain + spherical * unit(strain.ndim - 2)
+        return self.hooke(strain - thermal * unit(strain.ndim - 2))
 
     def form(
         self, measure: Callable[[Array], Array] | None = None, *, axisymmetric: bool = False

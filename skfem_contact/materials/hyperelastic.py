@@ -17,15 +17,8 @@ from skfem_contact.arguments import PrintedAsCall, with_known_keywords
 from skfem_contact.arrays import Array
 from skfem_contact.errors import InputError
 from skfem_contact.materials.elastic import Elastic
-from skfem_contact.materials.material import (
-    Isotropic,
-    Split,
-    State,
-    deformation,
-    dilatation,
-    take_numbers,
-)
-from skfem_contact.materials.tensors import deviator, double, isotropic, trace, unit
+from skfem_contact.materials.material import Isotropic, Split, State, take_numbers
+from skfem_contact.materials.tensors import deformation, dilatation, double, green, isotropic
 from skfem_contact.records import dataclass
 
 
@@ -186,25 +179,17 @@ class SaintVenantKirchhoff(PrintedAsCall, Isotropic):
 
     finite_strain = True
 
-    def _stress(self, F: Array) -> tuple[Array, Array]:
-        """Green's strain and the second Piola-Kirchhoff stress, (3, 3, ...)."""
-        strain = 0.5 * (np.einsum("mi...,mj...->ij...", F, F) - unit(F.ndim - 2))
-        spherical = self.bulk * trace(strain) * unit(F.ndim - 2)
-        return strain, 2.0 * self.shear * deviator(strain) + spherical
-
     def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
-        d, F = len(H), deformation(H)[0]
-        S = self._stress(F)[1]
-        C = isotropic(self.bulk, self.shear, d)
+        d, F, S = len(H), deformation(H)[0], self.hooke(green(H))
         f = F[:d, :d]
-        A = np.einsum("im...,mjnl,kn...->ijkl...", f, C, f, optimize=True)
+        A = np.einsum(
+            "im...,mjnl,kn...->ijkl...", f, isotropic(self.bulk, self.shear, d), f, optimize=True
+        )
         A += np.einsum("ik,lj...->ijkl...", np.eye(d), S[:d, :d])
         return np.einsum("im...,mj...->ij...", F, S), A, {}
 
     def energy(self, H: Array, state: State) -> tuple[Array, Array]:
-        strain, S = self._stress(deformation(H)[0])
-        stored = 0.5 * double(strain, S)
-        return stored, np.zeros_like(stored)
+        return self.stored(green(H))
 
 
 def _first(F: Array, d: int) -> tuple[Array, Array, Array]:

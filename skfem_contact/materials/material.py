@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from skfem_contact.arguments import check_switch, number, shown
 from skfem_contact.arrays import Array
-from skfem_contact.errors import InputError, MaterialError
-from skfem_contact.materials.tensors import solid, symmetric, trace, unit
+from skfem_contact.errors import InputError
+from skfem_contact.materials.tensors import deviator, dilatation, double, solid, symmetric, trace, unit
 
 State = Mapping[str, Array]
 
@@ -30,6 +30,8 @@ class Material(ABC):
     finite_strain : bool
         False: strain is the symmetric part of H, stress is Cauchy's. True: ``F = 1 + H`` may be large,
         and stress is the first Piola-Kirchhoff stress, force by initial area.
+    initial : dict of number or ndarray
+        Internal variables of the virgin material at one point, by name; none.
     mean_dilatation : bool
         Whether `NonlinearBody` should take means of the change of volume over elements of first order,
         which lock otherwise; for materials that are `Split`.
@@ -48,6 +50,7 @@ class Material(ABC):
 
     finite_strain: bool = False
     mean_dilatation: bool = False
+    initial: Mapping[str, ArrayLike] = {}
 
     @abstractmethod
     def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
@@ -75,8 +78,8 @@ class Material(ABC):
         """
 
     def initial_state(self, elements: int, points: int) -> dict[str, Array]:
-        """Internal variables of the virgin material; none."""
-        return {}
+        """Internal variables of the virgin material."""
+        return everywhere(self.initial, elements, points)
 
     def energy(self, H: Array, state: State) -> tuple[Array, Array]:
         """Energy by initial volume, stored and dissipated until now, each of shape (e, q).
@@ -153,7 +156,7 @@ class FromFunction(Material):
 
     def __init__(
         self,
-        function: Callable[[Array, State], tuple[Any, Any, Any]],
+        function: Callable[..., Any],
         initial: Mapping[str, ArrayLike] | None = None,
         *,
         finite_strain: bool = False,
@@ -171,11 +174,8 @@ class FromFunction(Material):
         stress, tangent, new = self.function(H, state)
         return stress, tangent, new
 
-    def initial_state(self, elements: int, points: int) -> dict[str, Array]:
-        return everywhere(self.initial, elements, points)
 
-
-class FromFelupe(Material):
+class FromFelupe(FromFunction):
     """A material with the signature that felupe's `MaterialStrain` takes.
 
     ``(strain increment, strain, stress, state variables) -> tangent, stress, variables``.
@@ -209,25 +209,18 @@ class FromFelupe(Material):
         statevars: tuple[tuple[int, ...], ...] = (),
         **parameters: Any,
     ) -> None:
-        self.function, self.statevars, self.parameters = function, tuple(statevars), parameters
-
-    def initial_state(self, elements: int, points: int) -> dict[str, Array]:
-        shapes: dict[str, tuple[int, ...]] = {"strain": (3, 3), "stress": (3, 3)}
-        shapes |= {f"statevar_{i + 1}": tuple(shape) for i, shape in enumerate(self.statevars)}
-        return everywhere({name: np.zeros(shape) for name, shape in shapes.items()}, elements, points)
+        names = [f"statevar_{i + 1}" for i in range(len(statevars))]
+        shapes = dict(zip(("strain", "stress", *names), ((3, 3), (3, 3), *statevars), strict=True))
+        super().__init__(function, {name: np.zeros(shape) for name, shape in shapes.items()})
+        self.parameters = parameters
 
     def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
-        strain = symmetric(solid(H))
+        strain, d = symmetric(solid(H)), len(H)
         e, s, *z = (value.swapaxes(-1, -2) for value in state.values())
-        A, stress, new = self.function(
-            strain.swapaxes(-1, -2) - e, e, s, z, tangent=True, **self.parameters
-        )
-        d = len(H)
-        stress = np.asarray(stress).swapaxes(-1, -2)
-        names = [name for name in state if name.startswith("statevar")]
-        after = {name: np.asarray(z).swapaxes(-1, -2) for name, z in zip(names, new, strict=True)}
-        tangent = np.asarray(A).swapaxes(-1, -2)[:d, :d, :d, :d]
-        return stress, tangent, {"strain": strain, "stress": stress, **after}
+        increment = strain.swapaxes(-1, -2) - e
+        A, stress, new = self.function(increment, e, s, z, tangent=True, **self.parameters)
+        A, stress, *z = (np.asarray(value).swapaxes(-1, -2) for value in (A, stress, *new))
+        return stress, A[:d, :d, :d, :d], dict(zip(state, (strain, stress, *z), strict=True))
 
 
 class Isotropic(Material):
@@ -255,6 +248,15 @@ class Isotropic(Material):
         """Shear modulus [stress]."""
         return self.E / (2.0 * (1.0 + self.nu))
 
+    def hooke(self, strain: Array) -> Array:
+        """Stress of a strain, both (3, 3, ...), by Hooke's law [stress]."""
+        return 2.0 * self.shear * deviator(strain) + self.bulk * trace(strain) * unit(strain.ndim - 2)
+
+    def stored(self, strain: Array) -> tuple[Array, Array]:
+        """Energy by volume of a strain by Hooke's law, and that dissipated, which is none."""
+        energy = 0.5 * double(self.hooke(strain), strain)
+        return energy, np.zeros_like(energy)
+
 
 def take_numbers(material: Any, **usage: str) -> None:
     """Check the parameters of these names, and keep them as numbers; what each is ends its message."""
@@ -273,34 +275,3 @@ def everywhere(values: Mapping[str, ArrayLike], elements: int, points: int) -> d
     """
     ones = np.ones((elements, points))
     return {key: np.multiply.outer(np.array(value, dtype=float), ones) for key, value in values.items()}
-
-
-def deformation(H: Array) -> tuple[Array, Array, Array]:
-    """Return F (3, 3, e, q), its determinant (e, q), which has to be positive, and F^-T."""
-    F = solid(H) + unit(H.ndim - 2)
-    cofactor = np.cross(F[:, [1, 2, 0]], F[:, [2, 0, 1]], axis=0)
-    J = np.einsum("i...,i...->...", F[:, 0], cofactor[:, 0])
-    if not (J > 0).all():  # or NaN
-        raise MaterialError(
-            f"an element is turned inside out: det F = {np.nanmin(J):.3g}",
-            int(np.argwhere(~(J > 0))[0, 0]),
-        )
-    return F, J, cofactor / J
-
-
-def dilatation(H: Array, finite: bool) -> tuple[Array, Array, Any]:
-    """Return ``J - 1`` (e, q), its derivative (3, 3, e, q), and d rows of the second one, if not zero.
-
-    Without the one, beside which small strains lose their digits: far from a small contact stresses
-    of that round-off act on large areas.
-    """
-    small = trace(H)
-    if not finite:
-        return small, np.broadcast_to(unit(2), (3, 3, *H.shape[2:])), None
-    _, J, G = deformation(H)
-    g = G[: len(H), : len(H)]
-    bend = np.einsum("ij...,kl...->ijkl...", J * g, g)
-    h = solid(H)
-    second = 0.5 * (small**2 - np.einsum("ij...,ji...->...", h, h))
-    third = np.einsum("i...,i...->...", h[:, 0], np.cross(h[:, 1], h[:, 2], axis=0))
-    return small + second + third, J * G, bend - bend.transpose(0, 3, 2, 1, 4, 5)

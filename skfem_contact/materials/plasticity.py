@@ -13,6 +13,7 @@ root of ``q_trial = (3 mu + C) (p - p_n) + Y(p)``. See Simo and Hughes, Computat
 from __future__ import annotations
 
 from dataclasses import field
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,16 +23,17 @@ from skfem_contact.arguments import PrintedAsCall, check_switch, numbers, with_k
 from skfem_contact.arrays import Array
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError, MaterialError
-from skfem_contact.materials.logarithmic import logarithmic, undeformed_axes
-from skfem_contact.materials.material import (
-    Isotropic,
-    Split,
-    State,
+from skfem_contact.materials.material import Isotropic, Split, State, take_numbers
+from skfem_contact.materials.tensors import (
+    deviator,
     dilatation,
-    everywhere,
-    take_numbers,
+    double,
+    isotropic,
+    logarithmic,
+    solid,
+    symmetric,
+    undeformed_axes,
 )
-from skfem_contact.materials.tensors import deviator, double, isotropic, solid, symmetric
 from skfem_contact.records import dataclass
 
 #: Steps at most in the search for a plastic strain: halving alone has all digits after 53.
@@ -98,6 +100,7 @@ class J2(PrintedAsCall, Isotropic, Split):
     finite_strain: bool = field(default=False, kw_only=True)
 
     mean_dilatation = True
+    initial = MappingProxyType({"plastic_strain": np.zeros((3, 3)), "equivalent_plastic_strain": 0.0})
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -121,10 +124,6 @@ class J2(PrintedAsCall, Isotropic, Split):
 
     def _reach(self, table: Array) -> Array:
         return self._stiff * table[:, 1] + table[:, 0]
-
-    def initial_state(self, elements: int, points: int) -> dict[str, Array]:
-        zero: dict[str, Any] = {"plastic_strain": np.zeros((3, 3)), "equivalent_plastic_strain": 0.0}
-        return everywhere(zero, elements, points)
 
     def yields(self, p: Array) -> tuple[Array, Array]:
         """Yield stress and its slope at equivalent plastic strains."""

@@ -20,8 +20,7 @@ from skfem_contact.arguments import (
 )
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.inputs import csr32
-from skfem_contact.bodies.linearizable import Linearized, State
-from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.member import Linearized, Member, State
 from skfem_contact.bodies.rigid_modes import motion_names
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import GIVEN
@@ -242,7 +241,7 @@ class RigidBody(Member, Obstacle):
         return motion_names(self.dim, self.components)
 
     def linearize(self, u: Array | None = None, state: State | None = None) -> Linearized:
-        """Its springs and their forces, see `Linearizable`."""
+        """Its springs and their forces, see `Member`."""
         return Linearized(self.K, np.zeros(self.n) if u is None else self.K @ u, {})
 
     def stiffness(self, K: Any, what: str) -> csr_matrix:

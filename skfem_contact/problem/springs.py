@@ -174,7 +174,7 @@ def point_resistance(kin: Kinematics, slips: bool, softness: Array) -> Resistanc
     """
     of_normals, of_tangents = (
         STIFFER * np.array([[A.multiply(B) @ softness for B in rows] for A in rows]).transpose(2, 0, 1)
-        for rows in ([kin.B_n], _tangential(kin) if slips else [kin.B_n])
+        for rows in ([kin.B_n], (_tangential(kin) if slips else []) or [kin.B_n])
     )
     return _resistance(of_normals, of_tangents)
 

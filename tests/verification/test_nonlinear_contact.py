@@ -165,10 +165,14 @@ def test_ironing_on_three_meshes() -> None:
 
     It falls by .08 h, h the element over the height: meshes from twelve elements on.
     """
-    ratios = [ironing(n)[0] for n in (12, 16, 20)]
+    found = [ironing(n) for n in (12, 16, 20)]
+    ratios = [ratio for ratio, _ in found]
     print(ratios)
     assert np.ptp(ratios) < 0.005
     assert_allclose(ratios, 0.3, atol=0.01)
+    # steps longer than a facet are cut in two, and begin on the way that the whole step went: 135
+    # linearisations of 12 steps at 16 elements; 152 by parts as long as may be and a rest
+    assert sum(len(result.newton) for result in found[1][1]) < 140
 
 
 def test_limit_load_of_a_round_punch() -> None:
