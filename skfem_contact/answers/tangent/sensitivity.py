@@ -106,7 +106,7 @@ class Sensitivity:
         take(maps, values)
         found = self._sign * values[ASKED][at]
         found = found.sum(axis=0) if quantity in SUMS else found
-        return found if quantity in ("slip", "tangential_force", "force") else found[..., 0]
+        return found if quantity in ("slip", "tangential_force", "force") else found.take(0, axis=-1)
 
     gap: Array = _its("gap", "The derivatives of the gaps of the only contact, (m,).")
     normal_force: Array = _its("normal_force", "The derivatives of the normal forces, (m,).")
