@@ -55,13 +55,6 @@ MOST_ROWS = 2000
 # digits above the round-off of the bounds.
 FALLING = 1e-3
 
-# -- validity.chords ---------------------------------------------
-
-# Least singular value of the equations of unit directions from which the twist of a face is known: four
-# edges in pairs at an angle of 2 degrees have .05, edges and diagonals of a square 1.4, of 10:1 .28,
-# the edges of a triangle of 10:1 .14.
-TWIST = 0.1
-
 # -- validity ----------------------------------------------------
 
 # What may be off without a word, relative to what it is a part of, so that forces are 10 % off: slip
@@ -126,11 +119,6 @@ SUPPORTED = 1e-3
 # points of one side, between them unlike meshes overlap by a part of what they are pressed in. At the
 # end of a wedge that is driven in it is 0.28, whatever the mesh, with forces that are right to 1e-3.
 OVERLAP = 0.35
-
-# The same of a node from which all facets fall away by more than the approach, so that it is all that
-# presses: on tips of domes between this and half of the approach forces are off by 2 to 19 %, by 0 to
-# 7 % where facets fall away by less.
-ALONE = 0.25
 
 # -- tangent.sides -----------------------------------------------
 

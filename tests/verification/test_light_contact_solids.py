@@ -223,15 +223,15 @@ def test_what_is_no_curve_does_not_bend():
     heights = sagittas(arc, flat, np.zeros(len(arc.points), dtype=int))
     assert heights.max() == pytest.approx(0.15**2 / 8, rel=0.02)  # not that of their length of 2
     for steps in (
-        [(-3, -1), (-1, 0), (1, 0), (3, -1)],  # chamfers of 27 degrees
-        [(-2, -0.5), (-1, -0.2), (0, 0.3), (1, -0.2), (2, -0.5)],  # a roof
+        [(-5, -2), (-3, -1), (-1, 0), (1, 0), (3, -1), (5, -2)],  # chamfers of 27 degrees
+        [(-3, -0.8), (-2, -0.5), (-1, -0.2), (0, 0.3), (1, -0.2), (2, -0.5), (3, -0.8)],  # a roof
     ):
         assert not bends(bent(steps))[0].any()
 
 
 @pytest.mark.parametrize("kind", ["quad4", "quad8"])
-def test_nearly_parallel_edges_do_not_tell_the_twist(kind):
-    """A wavy side: beside kinks only edges are curves, in pairs that are nearly parallel."""
+def test_how_a_wavy_side_bends(kind):
+    """Faces are twisted, and bend to both sides."""
 
     def wavy(x):
         wave = 0.04 * np.sin(2 * x[0]) * np.cos(2 * x[1])

@@ -19,7 +19,6 @@ from skfem_contact.answers.thresholds import A_TENTH
 from skfem_contact.answers.validity.chords import drawn_off
 from skfem_contact.answers.validity.deformed_boundaries import (
     Boundary,
-    BoundaryNodes,
     Meeting,
     at_obstacle,
     between,
@@ -188,7 +187,7 @@ class Assessment:
         mu = float(np.max(coefficient))
         share = angle / mu if mu > 0 else np.nan
         seen = meeting.overlap, meeting.chords, meeting.unseen, meeting.opening
-        return ContactValidity(self.drift(i), *seen, angle, share, self._alone(i))
+        return ContactValidity(self.drift(i), *seen, angle, share)
 
     def _overlap(self, i: int) -> str:
         """Return what contact conditions do not see of one contact, in words; empty for nothing."""
@@ -253,18 +252,6 @@ class Assessment:
         off = drawn_off(secondary), drawn_off(contact.primary)
         boundaries = self.boundary(name), self.boundary(other)
         return between(*boundaries, off, system.extent, moved, added, closed, paired)
-
-    def _alone(self, i: int) -> bool:
-        """Return whether the deepest point is a node that is all that presses there."""
-        meeting, contact = self.meeting(i), self.result.contacts[i]
-        if meeting.outward is None or not of_two_bodies(contact):
-            return False
-        assert meeting.place is not None
-        side = sides_of(contact)[meeting.side]
-        name = self.system.names[self.system.index(side.body)]
-        away = np.linalg.norm(self.boundary(name).nodes - meeting.place, axis=1)
-        nodes = BoundaryNodes.of(self.solids[name])
-        return nodes.falls_away(int(np.argmin(away)), meeting.outward, self.drift(i).approach)
 
 
 def _drift(result: Answer, i: int) -> Drift:

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skfem_contact.answers.thresholds import A_TENTH, ALONE, FACETS, LOCKED, OVERLAP, SAGITTA
+from skfem_contact.answers.thresholds import A_TENTH, FACETS, LOCKED, OVERLAP, SAGITTA
 from skfem_contact.answers.validity.track import Track
 from skfem_contact.arguments import NamesAttributes
 from skfem_contact.records import dataclass
@@ -229,9 +229,6 @@ class ContactValidity:
     angle_over_mu : float
         That over the coefficient of friction: what the choice of one side's normal may change of the
         friction; NaN without a coefficient.
-    alone : bool
-        Whether the deepest point is a node from which all facets fall away by more than the elastic
-        approach, so that it is all that presses there.
 
     Examples
     --------
@@ -259,7 +256,6 @@ class ContactValidity:
     opening: float
     angle: float
     angle_over_mu: float
-    alone: bool = False
 
     @property
     def excess(self) -> float:
@@ -267,7 +263,7 @@ class ContactValidity:
         beyond = self.overlap - self.chords
         if not beyond > 0:
             return 0.0
-        allowed = (ALONE if self.alone else OVERLAP) * self.drift.approach
+        allowed = OVERLAP * self.drift.approach
         return beyond / allowed if allowed > 0 else np.inf
 
 

@@ -129,12 +129,6 @@ def _way_out(part: ContactValidity, contact: Contact, meeting: Meeting) -> str:
             "coarser: swap the two, or take method='mortar'; and see that both surfaces cover all that "
             "may touch"
         )
-    if meeting.outward is not None:
-        way = "take method='node'" if meeting.side == 0 else "swap the two"
-        return (
-            "Conditions hold in the mean over facets, in which a node may stand: refine the larger "
-            f"ones, or {way}, and see that both surfaces cover all that may touch"
-        )
     return "See that both surfaces cover all that may touch, and refine them where they do"
 
 
