@@ -1,11 +1,12 @@
 """Answers, and what can be said of them.
 
-* `answer`: all numbers of a load step, for the modules of this library, and forces of supports;
-  `fields`, `values`: those of each contact, between its points and at them; `placed`: where bodies
-  that are not linear are and what they remember, and how their residuals fell;
+* `answer`: all numbers of a load step, for the modules of this library, forces of supports, and where
+  bodies that are not linear are, what they remember, and how their residuals fell;
+  `fields`, `values`: the numbers of each contact, between its points and at them;
 * `certificate`: how well the discrete equations hold; `uniqueness`: whether there are other answers, by
   the `pieces` of the equation, or a proof that there is only one; other forces;
-* `validity`: whether the model holds; `error`: how far the mesh may be off;
+* `validity`: whether the model holds; `estimate`, `surface_error`: how far the
+  mesh may be off;
 * `tangent`: the answer linearised, and its derivatives;
 * `result`, `by_contact`: all of it as users see it, and printed; by contacts, and of the one there may
   be;
@@ -53,7 +54,7 @@ __getattr__, __dir__ = entrances(
     {
         "answer": "answer_of",
         "certificate": "Certificate",
-        "error.surface": "Net",
+        "surface_error": "Net",
         "fields": "contour interpolate",
         "pieces": "critical_friction orientation turning_springs",
         "result": "ContactResult",

@@ -17,6 +17,7 @@ from skfem_contact.answers.answer import Answer, contact_forces
 from skfem_contact.answers.thresholds import NO_LOAD
 from skfem_contact.arguments import NamesAttributes
 from skfem_contact.arrays import Array
+from skfem_contact.bodies.member import unit_motions
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.state import OPEN
@@ -245,7 +246,7 @@ def _balance(result: Answer, external: Array, scale: float) -> tuple[float, floa
     if len(axes) < d or skip or any(body.finite_strain for body in system.bodies):
         return resultant, np.nan, np.nan, np.nan  # and moments about where bodies were mean nothing
     centre = points.mean(axis=0)
-    turns = _turns(points - centre, component, system.extent)
+    turns = _turns(points, centre, component, system.extent)
     M = turns @ external - np.array([springs.share(turn) for turn in turns])
     offset, rigid_points = _offsets(result)
     M += cross(rigid_points - centre, on_obstacles).sum(axis=0)
@@ -260,14 +261,15 @@ def _balance(result: Answer, external: Array, scale: float) -> tuple[float, floa
     )
 
 
-def _turns(arm: Array, component: NDArray[np.int32], extent: float) -> Array:
-    """Unit turns about each axis, in 2-D the one, at DOFs with these arms (n, d): rows (1 or 3, n)."""
-    d = arm.shape[1]
-    axis = np.where(component < d, component, 0)
-    along = np.where((component < d)[:, None], np.eye(d)[axis], 0.0)
-    turns = cross(arm, along).T
-    for i, turn in enumerate(turns):
-        turn[component == d + i] = extent  # of rigid bodies: here lengths, and their moments are forces
+def _turns(points: Array, centre: Array, component: NDArray[np.int32], extent: float) -> Array:
+    """Unit turns about each axis, in 2-D the one, at DOFs (n, d): rows (1 or 3, n)."""
+    d = points.shape[1]
+    turns = unit_motions(points, centre, 1.0)[
+        np.arange(len(points)), np.minimum(component, d - 1), d:
+    ].T
+    for i, turn in enumerate(turns):  # of rigid bodies: here lengths, and their moments are forces
+        turn[component >= d] = 0.0
+        turn[component == d + i] = extent
     return turns
 
 

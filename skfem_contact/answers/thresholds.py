@@ -22,15 +22,7 @@ ESTIMATED = 0.3
 # Open nodes up to so many faces away tell where contact ends: two beyond those next to closed ones.
 REACH = 3
 
-# -- error.estimate ----------------------------------------------
-
-# Elements beyond so many half widths of contact count for less than a percent.
-FARTHEST = 10.0
-
-# -- error.surface -----------------------------------------------
-
-# Pieces of the edge of contact whose middles are nearest, among which the nearest piece is.
-SEGMENTS_NEAR = 6
+# -- surface_error -----------------------------------------------
 
 # At the end of stick a square root misfits its nodes at least ten times as much as those beside
 # them, a smooth function with a jump in its curvature about as much.
@@ -77,7 +69,7 @@ SAGITTA = 0.2
 # approach over extent are .8 times the strain where the energy is, or more, and .9 of the turn of a
 # cantilever; what supports and surfaces are off a rigid motion is .3 of the turn of a beam that is bent
 # on three points.
-PRESSED, SUSPECTED = 0.5, 0.25
+SUSPECTED = 0.25
 
 # An approach below this part of the extent of the bodies is none: what is left of gaps and forces
 # where a load has been taken back. Curves that mortar fits leave 1e-11; a centimetre of steel is

@@ -1,13 +1,11 @@
 """Bodies, as the user gives them, with stiffness and loads, and the surfaces that may touch.
 
 * `inputs`, `selection`: matrices, vectors, sets of DOFs and facets as users pass them, checked;
-  nodes of facets, and pieces of a mesh;
+  nodes of facets, and pieces of a mesh; tractions and displacements by the names of boundaries;
 * `assembly`: stiffness and moduli from a form; `quadrature`: points of integration, gradients;
-* `boundaries`: tractions and displacements by the names of boundaries;
-* `member`, `body`, `system`: one body, and several under one numbering; `linearizable`: what is asked
-  of them; `nonlinear`: bodies that yield or stretch, `equations` (with `gradients`): their
-  equations; `rigid_modes`;
-* `remote`: a stiffness that is held elsewhere, by a backend over several processes;
+* `member`, `body`, `system`: one body, its rigid modes, and several under one numbering;
+  `linearizable`: what is asked of them; `nonlinear`: bodies that yield or stretch, `equations` (with
+  `gradients`): their equations; a stiffness that is held elsewhere, by a backend;
 * `surface`: a boundary as contact sees it, of a body or of none;
 * `facet_kinds`: the shape functions of facets; `facets`: their areas, their corners, and what lies
   across edges;

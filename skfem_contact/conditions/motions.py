@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from skfem_contact.arrays import Array, Mask, block_diagonal
-from skfem_contact.bodies.rigid_modes import largest
+from skfem_contact.bodies.member import largest
 from skfem_contact.bodies.system import System
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.kinematics import Kinematics

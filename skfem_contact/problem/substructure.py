@@ -19,9 +19,8 @@ from scipy.sparse import csr_matrix
 
 from skfem_contact.arrays import Array, Index, block_diagonal, same
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.member import Member, largest
 from skfem_contact.bodies.normals import sizes
-from skfem_contact.bodies.rigid_modes import largest
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.linalg.backend import Backend, BodyFactor

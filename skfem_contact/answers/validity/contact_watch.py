@@ -22,7 +22,6 @@ from skfem_contact.answers.validity.support import (
     Support,
     beyond_round_off,
     elastic_approach,
-    moving,
     pressed_in,
 )
 from skfem_contact.answers.validity.track import Track, off_arc, tool_motion
@@ -99,7 +98,7 @@ class ContactWatch:
             bodies.append(self.system.index(tool))
         self.bodies = bodies
         held_by = [supports[b] for b in bodies]
-        self.motions = moving(held_by, self.track.points)
+        self.motions = [s.unit_at(self.track.points) for s in held_by]
         points, normal = contact.secondary.points[pairing.paired], pairing.normal[pairing.paired]
         self.held = all(s.holds(points, normal) for s in held_by)
         self.inside, self.loose = False, None

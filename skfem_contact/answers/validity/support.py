@@ -12,7 +12,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import NO_APPROACH, SUPPORTED
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.member import Member, Meshed
+from skfem_contact.bodies.member import Member, Meshed, unit_motions
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.pairing.node import Pairing
@@ -96,28 +96,20 @@ class Support:
 
     def at(self, points: Array, motion: Array) -> Array:
         """Displacements of points (m, d) by a motion, shape (m, d)."""
-        return np.asarray(unit_motions(points, self.centre, self.arm) @ motion)
+        return np.asarray(self.unit_at(points) @ motion)
+
+    def unit_at(self, points: Array) -> Array:
+        """Displacements of points (m, d) by all motions, shape (m, d, r)."""
+        return unit_motions(points, self.centre, self.arm)
 
     def along(self, points: Array, direction: Array) -> Array:
         """How far motions move points (m, d) along their directions (m, d): rows, shape (m, r)."""
-        motions = unit_motions(points, self.centre, self.arm)
-        return np.asarray(np.einsum("md,mdk->mk", direction, motions))
+        return np.asarray(np.einsum("md,mdk->mk", direction, self.unit_at(points)))
 
     def holds(self, points: Array, direction: Array) -> bool:
         """Return whether no open motion moves points along their directions, both (m, d)."""
         moved = self.along(points, direction) @ self.free
         return bool(np.max(np.abs(moved), initial=0.0) < SUPPORTED)
-
-
-def supports_of(system: System) -> list[Support]:
-    """The support of every body, by its prescribed DOFs."""
-    bodies = zip(system.bodies, system.offsets[:-1], strict=True)
-    return [Support.of(body, int(start), arm=system.extent) for body, start in bodies]
-
-
-def motions_of(supports: Sequence[Support], x: Array) -> list[Array]:
-    """The motion of each of several bodies under prescribed values x (n,), (r,) each."""
-    return [support.motion(x) for support in supports]
 
 
 def off_rigid(supports: Mapping[str, Support], u: Array) -> dict[str, float]:
@@ -127,17 +119,6 @@ def off_rigid(supports: Mapping[str, Support], u: Array) -> dict[str, float]:
         for name, s in supports.items()
     }
     return {name: float(size) / supports[name].arm for name, size in off.items()}
-
-
-def unit_motions(points: Array, centre: Array, arm: float) -> Array:
-    """Displacements (m, d, r) of points by translations and turns, of order one."""
-    d, away = points.shape[1], (points - centre) / arm
-    planes = [(0, 1)] if d == 2 else [(1, 2), (2, 0), (0, 1)]
-    modes = np.zeros((len(points), d, d + len(planes)))
-    modes[:, :, :d] = np.eye(d)
-    for turn, (i, j) in enumerate(planes, start=d):
-        modes[:, i, turn], modes[:, j, turn] = -away[:, j], away[:, i]
-    return modes
 
 
 class NodesOfBody(Protocol):
@@ -195,11 +176,6 @@ class Extrapolation:
         part = part.copy()
         part[dofs[self.nodes]] = moved
         return part
-
-
-def moving(supports: Sequence[Support], points: Array) -> list[Array]:
-    """How far motions of each body move points (m, d), (m, d, r) each."""
-    return [unit_motions(points, support.centre, support.arm) for support in supports]
 
 
 def beyond_round_off(approach: float, extent: float) -> float:
