@@ -223,8 +223,8 @@ def test_what_is_no_curve_does_not_bend():
     heights = sagittas(arc, flat, np.zeros(len(arc.points), dtype=int))
     assert heights.max() == pytest.approx(0.15**2 / 8, rel=0.02)  # not that of their length of 2
     for steps in (
-        [(-2.5, -0.75), (-1.75, -0.375), (-1, 0), (1, 0), (1.75, -0.375), (2.5, -0.75)],  # chamfers
-        [(-3, -0.8), (-2, -0.5), (-1, -0.2), (0, 0.3), (1, -0.2), (2, -0.5), (3, -0.8)],  # a roof
+        [(-3, -1), (-1, 0), (1, 0), (3, -1)],  # chamfers of 27 degrees
+        [(-2, -0.5), (-1, -0.2), (0, 0.3), (1, -0.2), (2, -0.5)],  # a roof
     ):
         assert not bends(bent(steps))[0].any()
 

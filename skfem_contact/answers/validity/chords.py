@@ -40,7 +40,7 @@ from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.quadrics import bowed_facets
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.bodies.thresholds import BENT, STEEPEST
+from skfem_contact.bodies.thresholds import BENT, STEEPEST, STRAIGHT
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.vectors import dot
 
@@ -102,16 +102,17 @@ def drawn_off(surface: ContactSurface) -> float:
     Second-order facets are parabolas: over one of n pieces by the nth part squared as high as over
     the whole. Straight ones are off the curve by the height of their chords.
     """
-    kind, x = surface.kind, surface.points[surface.facets]
+    kind, x, n = surface.kind, surface.points[surface.facets], surface.facet_node_normals
     i, j = np.tril_indices(kind.corners, -1)
-    bend = bends(surface)[0] if surface.quadratic else curvatures(surface)
-    height = _rise(x[:, i] - x[:, j], bend) / 8
+    height = np.linalg.norm(n[:, i] - n[:, j], axis=2) * np.linalg.norm(x[:, i] - x[:, j], axis=2) / 8
+    height = height.max(axis=1)
     if surface.quadratic:
         start, end, middle = ([0], [1], [2]) if surface.dim == 2 else kind.edges.T
         off = np.linalg.norm(x[:, middle] - 0.5 * (x[:, start] + x[:, end]), axis=2).max(axis=1)
         parts = PIECES if surface.dim == 2 else 2
+        straight = np.where(kinked_facets(surface), 0.0, height)
         curved = bowed_facets(surface.points, surface.facets, kind)
-        height = np.where(curved, off / parts**2, height)
+        height = np.where(curved, off / parts**2, straight)
     return float(np.max(height))
 
 
@@ -192,11 +193,19 @@ def curvatures(surface: ContactSurface) -> Array:
 
 
 def kinked_facets(surface: ContactSurface) -> Mask:
-    """Facets at a kink, and those that a polygon is meant by, which turns by more, shape (nf,)."""
+    """Facets that are no pieces of a curve, and not straight either, shape (nf,).
+
+    Of a polygon of less than 16 sides, in the mean over their corners; or with an edge that the smooth
+    boundary leaves at one end alone: beside a kink, and where the surface ends.
+    """
     corners = surface.facets[:, : surface.kind.corners]
     x, n = surface.points[corners], surface.facet_node_normals[:, : surface.kind.corners]
     edges, up = np.roll(x, -1, axis=1) - x, dot(n, surface.facet_normals[:, None])
     edges /= np.linalg.norm(edges, axis=2, keepdims=True)
-    steep = np.maximum(np.abs(dot(n, edges)), np.abs(dot(n, np.roll(edges, 1, axis=1))))
-    steep = (steep / np.maximum(up, COMPUTED)).mean(axis=1) > STEEPEST
-    return np.asarray(steep | np.any(surface.kinks[corners] > BENT, axis=1))
+    ahead, back = (
+        np.abs(dot(n, along)) / np.maximum(up, COMPUTED) for along in (edges, np.roll(edges, 1, axis=1))
+    )
+    ends = ahead, np.roll(back, -1, axis=1)
+    least, most = np.minimum(*ends), np.maximum(*ends)
+    kinked = np.any((least < STRAIGHT * most) & (most > BENT), axis=1)
+    return np.asarray(kinked | (np.maximum(ahead, back).mean(axis=1) > STEEPEST))
