@@ -22,7 +22,7 @@ def entrances(
 
     >>> find, names = entrances("skfem_contact.bodies", [], {"normals": "angle_between tangents"})
     >>> find("tangents").__module__
-    'skfem_contact.bodies.normals'
+    'skfem_contact.arrays'
     """
     place = {name: module for module, names in modules.items() for name in names.split()}
 

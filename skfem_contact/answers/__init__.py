@@ -3,8 +3,8 @@
 * `answer`: all numbers of a load step, for the modules of this library, forces of supports, and where
   bodies that are not linear are, what they remember, and how their residuals fell;
   `fields`, `values`: the numbers of each contact, between its points and at them;
-* `certificate`: how well the discrete equations hold; `uniqueness`: whether there are other answers, by
-  the `pieces` of the equation, or a proof that there is only one; other forces;
+* `certificate`: how well the discrete equations hold, and forces that they leave open; `uniqueness`:
+  whether there are other answers, by the pieces of the equation, or a proof that there is only one;
 * `validity`: whether the model holds; `estimate`, `surface_error`: how far the
   mesh may be off;
 * `tangent`: the answer linearised, and its derivatives;
@@ -56,13 +56,12 @@ __getattr__, __dir__ = entrances(
         "certificate": "Certificate",
         "surface_error": "Net",
         "fields": "contour interpolate",
-        "pieces": "critical_friction orientation turning_springs",
         "result": "ContactResult",
         "tangent.changes": "Parameter",
         "tangent.modes": "Modes",
         "tangent.sensitivity": "Sensitivity",
         "tangent.tangent": "Tangent",
-        "uniqueness": "Form unique_up_to Uniqueness",
+        "uniqueness": "critical_friction Form orientation turning_springs unique_up_to Uniqueness",
         "validity.chords": "bends curvatures sagittas",
         "validity.deformed_boundaries": "Boundary boundary",
         "validity.edges": "crossings sharp_edges_of",
@@ -70,8 +69,7 @@ __getattr__, __dir__ = entrances(
         "validity.strain": "strains",
         "validity.support": "Support",
         "validity.track": "Rim Track node_lengths",
-        "validity.validity": "ContactValidity Drift Validity",
-        "validity.words": "facet_words",
+        "validity.validity": "ContactValidity Drift facet_words Validity",
         "values": "ContactValues ErrorEstimate ErrorSources",
     },
 )

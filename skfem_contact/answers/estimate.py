@@ -22,10 +22,10 @@ from that of the continuous problem, in the L2 norm over the contact, from six s
 The first three and the last are in `surface_error`. Of a body the gradient of the displacement, which
 jumps from element to element, is compared with its averages at the nodes, interpolated: O. C.
 Zienkiewicz and J. Z. Zhu, A simple error estimator and adaptive procedure for practical engineering
-analysis, Int. J. Numer. Methods Eng. 24 (1987) 337-357. The difference is measured by the energy
-of the body's own bilinear form. Relative to the energy of the displacement it is the relative error of a compliance.
-Elements within half a contact width of the contact count in full; farther ones less, by the square of
-the distance: what they do wrong reaches the contact as a field that varies little over it.
+analysis, Int. J. Numer. Methods Eng. 24 (1987) 337-357. The difference is measured by the energy of the
+body's own bilinear form. Relative to the energy of the displacement it is the relative error of a
+compliance. Elements within half a contact width of the contact count in full; farther ones less, by the
+square of the distance: what they do wrong reaches the contact as a field that varies little over it.
 
 An answer is not rated, and its total NaN, where one of them is not known: `chords` of second-order
 faces that stand straight for a curve, `scatter` where all points are near ends of the surface; and

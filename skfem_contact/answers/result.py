@@ -15,9 +15,9 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer, Newton, reaction
 from skfem_contact.answers.by_contact import ByContact
-from skfem_contact.answers.certificate import Certificate, certified
+from skfem_contact.answers.certificate import Certificate, certified, undetermined
 from skfem_contact.answers.thresholds import FALLING, MOST_ROWS
-from skfem_contact.answers.uniqueness import Uniqueness, undetermined, uniqueness
+from skfem_contact.answers.uniqueness import Uniqueness, uniqueness
 from skfem_contact.answers.validity.assess import assess
 from skfem_contact.answers.validity.strain import rigid_rotations
 from skfem_contact.answers.validity.validity import Validity

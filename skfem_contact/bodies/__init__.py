@@ -10,7 +10,6 @@
 * `facet_kinds`: the shape functions of facets; `facets`: their areas, their corners, and what lies
   across edges;
 * `normal_field`: averaged normals, and where a surface turns;
-* `normals`: vectors, tangents and angles;
 * `quadrics`: the smooth boundaries that nodes lie on;
 * `thresholds`: numbers, and where they come from.
 """
@@ -34,8 +33,8 @@ __getattr__, __dir__ = entrances(
         "facet_kinds": "FacetKind KINDS kind_of",
         "facets": "twin_edges",
         "inputs": "SUPPORTED",
-        "normal_field": "kink_angles",
-        "normals": "angle_between tangents",
+        "normal_field": "angle_between kink_angles",
+        "quadrics": "tangents",
         "selection": "pieces",
         "surface": "bare_surface ContactSurface",
         "system": "stack System",

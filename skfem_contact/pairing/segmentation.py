@@ -41,10 +41,9 @@ from functools import cached_property
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index
+from skfem_contact.arrays import Array, Index, cross, sizes, unit
 from skfem_contact.bodies.facet_kinds import KINDS, FacetKind
 from skfem_contact.bodies.facets import area_elements
-from skfem_contact.bodies.normals import cross, sizes, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError

@@ -17,10 +17,9 @@ import numpy as np
 from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import Array, Index, block_diagonal, same
+from skfem_contact.arrays import Array, Index, block_diagonal, same, sizes
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member, largest
-from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.linalg.backend import Backend, BodyFactor

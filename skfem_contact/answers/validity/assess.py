@@ -30,8 +30,10 @@ from skfem_contact.answers.validity.overlaps import of_two_bodies, sides_of, uns
 from skfem_contact.answers.validity.strain import leaning, lockable, locked, strains
 from skfem_contact.answers.validity.support import beyond_round_off, elastic_approach
 from skfem_contact.answers.validity.track import tool_motion
-from skfem_contact.answers.validity.validity import ContactValidity, Drift, Validity
-from skfem_contact.answers.validity.words import (
+from skfem_contact.answers.validity.validity import (
+    ContactValidity,
+    Drift,
+    Validity,
     crossing_words,
     facet_words,
     locking_words,

@@ -15,8 +15,7 @@ import numpy as np
 
 from skfem_contact.answers.validity.chords import curvatures, sagittas
 from skfem_contact.answers.validity.deformed_boundaries import distances
-from skfem_contact.arrays import Array, Mask, largest, off_segments
-from skfem_contact.bodies.normals import angle_between
+from skfem_contact.arrays import Array, Mask, angle_between, largest, off_segments
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
