@@ -7,10 +7,9 @@ are the same findings.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import replace
-from functools import wraps
-from typing import Any, TypeVar
+from functools import cache
 
 import numpy as np
 
@@ -43,7 +42,6 @@ from skfem_contact.answers.validity.validity import (
     sliding_words,
     strain_words,
 )
-from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.rows import as_motion
@@ -51,9 +49,6 @@ from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import warn
 from skfem_contact.obstacles.obstacle import Obstacle
-
-Key = TypeVar("Key")
-Value = TypeVar("Value")
 
 #: What may be wrong with a contact, in the order in which it is told.
 OF_CONTACTS = ("sliding", "overlap", "facets")
@@ -99,20 +94,6 @@ def assess(result: Answer) -> Validity:
     )
 
 
-def _once(measure: Callable[[Any, Key], Value]) -> Callable[[Any, Key], Value]:
-    """A method of one argument, which is computed once for each."""
-
-    @wraps(measure)
-    def kept(self: Any, key: Key) -> Value:
-        known = measure.__name__, key
-        if known not in self._known:
-            self._known[known] = measure(self, key)
-        found: Value = self._known[known]
-        return found
-
-    return kept
-
-
 class Assessment:
     """The measures of one answer, each taken when it is first asked for.
 
@@ -128,17 +109,17 @@ class Assessment:
         self.bounded = [name for name, body in self.solids.items() if not body.finite_strain]
         self.lockable = lockable(result)
         self.meetings = dict(result.diagnostics.meetings)
-        self._known: dict[tuple[str, Any], Any] = {}
+        # each measure once
+        self.strains, self.boundary = cache(self._strains), cache(self._boundary)
+        self.drift, self.contact = cache(self._drift), cache(self._contact)
 
     # -- bodies -------------------------------------------------------------------------------
 
-    @_once
-    def strains(self, name: str) -> tuple[float, float, float]:
+    def _strains(self, name: str) -> tuple[float, float, float]:
         """Mean and largest strain, and rotation, of a body; see `strain.strains`."""
         return strains(self.solids[name], self.result.stretched(name))
 
-    @_once
-    def boundary(self, name: str) -> Boundary:
+    def _boundary(self, name: str) -> Boundary:
         """The deformed boundary of a body."""
         return boundary(self.solids[name], self.result.displacement(name))
 
@@ -172,13 +153,7 @@ class Assessment:
             found["facets"] = facet_words(drift, contact.rigid)
         return {kind: words for kind, words in found.items() if words and kind in kinds}
 
-    @_once
-    def drift(self, i: int) -> Drift:
-        """Return how far a contact has drifted, with the slips of the displacements."""
-        return _drift(self.result, i)
-
-    @_once
-    def contact(self, i: int) -> ContactValidity:
+    def _contact(self, i: int) -> ContactValidity:
         """All that is measured of one contact."""
         result, part = self.result, self.result.slices()[i]
         closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
@@ -255,24 +230,19 @@ class Assessment:
         boundaries = self.boundary(name), self.boundary(other)
         return between(*boundaries, off, system.extent, moved, added, closed, paired)
 
-
-def _drift(result: Answer, i: int) -> Drift:
-    contact, part, track = result.contacts[i], result.slices()[i], result.diagnostics.tracks[i]
-    closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
-    drift = result.diagnostics.drifts[i]
-    if contact.sliding == "small":
-        slip = _slip(result, part)
-        gap = result.gap[part]
-        force = result.state.normal_force[part]
-        tool = tool_motion(result.system, contact, track, result.u)
+    def _drift(self, i: int) -> Drift:
+        """Return how far a contact has drifted, with the slips of the displacements."""
+        result = self.result
+        contact, part, track = result.contacts[i], result.slices()[i], result.diagnostics.tracks[i]
+        closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
+        drift = result.diagnostics.drifts[i]
+        if contact.sliding != "small":
+            elastic = beyond_round_off(elastic_approach(result, i, closed), self.system.extent)
+            return replace(drift, approach=max(drift.approach, elastic))
+        t = result.kin.tangents
+        slip = result.kin.B_t[part.start * t : part.stop * t] @ result.u
+        slip = np.einsum("mk,mkd->md", slip.reshape(-1, t), result.kin.duals[part])
+        gap, force = result.gap[part], result.state.normal_force[part]
+        tool = tool_motion(self.system, contact, track, result.u)
         found = track.drift(closed, slip, gap, force, drift.approach, result.worn_case, i, part, tool)
         return replace(drift, **found)
-    elastic = beyond_round_off(elastic_approach(result, i, closed), result.system.extent)
-    return replace(drift, approach=max(drift.approach, elastic))
-
-
-def _slip(result: Answer, part: slice) -> Array:
-    """By the displacements, vectors in the tangent planes (m, d)."""
-    t = result.kin.tangents
-    slip = result.kin.B_t[part.start * t : part.stop * t] @ result.u
-    return np.asarray(np.einsum("mk,mkd->md", slip.reshape(-1, t), result.kin.duals[part]))

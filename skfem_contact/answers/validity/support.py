@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import NO_APPROACH, SUPPORTED
+from skfem_contact.answers.validity.deformed_boundaries import BoundaryNodes
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.member import Member, Meshed, unit_motions
+from skfem_contact.bodies.member import Member, unit_motions
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.pairing.node import Pairing
@@ -121,17 +120,6 @@ def off_rigid(supports: Mapping[str, Support], u: Array) -> dict[str, float]:
     return {name: float(size) / supports[name].arm for name, size in off.items()}
 
 
-class NodesOfBody(Protocol):
-    """Nodes of a body, such as those of a surface: their places and DOFs, (m, d) each."""
-
-    @property
-    def body(self) -> Meshed: ...
-    @property
-    def points(self) -> Array: ...
-    @property
-    def dofs(self) -> NDArray[Any]: ...
-
-
 class Extrapolation:
     """Displacements of nodes that are not known without the interior of their body.
 
@@ -140,7 +128,7 @@ class Extrapolation:
     Parameters
     ----------
     system : System
-    side : NodesOfBody
+    side : BoundaryNodes
     there : ndarray of bool, shape (n,)
         DOFs of the system whose displacements are known.
 
@@ -150,7 +138,7 @@ class Extrapolation:
         The numbers of those that are not known.
     """
 
-    def __init__(self, system: System, side: NodesOfBody, there: Mask) -> None:
+    def __init__(self, system: System, side: BoundaryNodes, there: Mask) -> None:
         self.side, self.part = side, system.slice(side.body)
         known = np.flatnonzero(there[self.part])
         is_known = np.isin(side.dofs, known).all(axis=1)
