@@ -2,19 +2,17 @@
 
 Users have a `ContactResult`, which holds one and shows what is theirs; `answer_of` takes it out. The
 forces of contacts on the DOFs follow from it, and those of supports: what equilibrium misses there.
-`Placed` says where bodies that are not linear are, what they resist with, and what they remember.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
+from skfem_contact.answers.placed import Newton, Placed, point_forces
 from skfem_contact.answers.validity.validity import Diagnostics
 from skfem_contact.arrays import Array
 from skfem_contact.assemblies.bolt import Bolts
@@ -22,8 +20,7 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.linearizable import State as Internal
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.selection import boundary_dofs
-from skfem_contact.bodies.system import System, slices
-from skfem_contact.carried import copied
+from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.interface import point_slices
@@ -37,200 +34,6 @@ from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.response import Conditions
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal, sealed
-
-
-@dataclass(frozen=True, eq=False)
-class Origin:
-    """Displacements that the unknowns of a linear problem count from, where not from zero.
-
-    What is left near an answer of bodies that are not linear is small, and so is its round-off, however
-    far they have come and however soft their tangents are.
-
-    Attributes
-    ----------
-    u : ndarray, shape (n,)
-        [length]
-    forces : ndarray, shape (n,)
-        What the bodies resist with there [force].
-    stiffness : tuple of csr_matrix
-        With which they go on; springs that a model has besides resist `u` as well.
-    """
-
-    u: Array
-    forces: Array
-    stiffness: tuple[csr_matrix, ...]
-
-    def seen(self, case: LoadCase, kin: Kinematics, model: LinearModel) -> LoadCase:
-        """A load case for what is beyond the origin."""
-        forces = self.forces.copy()
-        parts = slices(model.system.offsets), self.stiffness, model.stiffness
-        for part, own, other in zip(*parts, strict=True):
-            if own is not other and self.u[part].any():
-                forces[part] += (other - own) @ self.u[part]
-        slipped = (kin.B_t @ self.u).reshape(case.slip0.shape)
-        slipped[~model.interface.slipping] = 0.0  # their slips are no unknowns
-        return copied(
-            case,
-            f=case.f - forces,
-            x=case.x - self.u,
-            gap0=case.gap0 + kin.B_n @ self.u,
-            slip0=case.slip0 + slipped,
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class Placed:
-    """All bodies at some displacements.
-
-    Attributes
-    ----------
-    u : ndarray, shape (n,)
-        [length]
-    stiffness : tuple of csr_matrix
-        The tangent of each body; of linear ones the very matrix that they always have.
-    internal : ndarray, shape (n,)
-        Internal forces, less `beyond` [force].
-    beyond : ndarray, shape (n,)
-        By how much the load of fluids is another than on the undeformed boundary [force].
-    material : tuple of Internal
-        Internal variables of each body there; none of linear ones.
-    trend : ndarray, shape (n,)
-        How the displacements changed in the last part of a load step, over its share of it [length].
-    """
-
-    u: Array
-    stiffness: tuple[csr_matrix, ...]
-    internal: Array
-    beyond: Array
-    material: tuple[Internal, ...]
-    trend: Array
-
-    @classmethod
-    def of_start(cls, system: System, stiffness: Sequence[csr_matrix], start: Any) -> Placed:
-        """Where a load step begins: undeformed, or at the end of a step before; not linearised yet."""
-        states = tuple(body.initial_state for body in system.bodies)
-        u = trend = np.zeros(system.n)
-        if start is not None:
-            u, states, trend = start.u, start.material, start.trend
-            if not states:
-                raise InputError(
-                    "start has no internal variables of the bodies that are not linear here: it is a "
-                    "state of linear ones. Begin without start, or with a state of this kind of bodies."
-                )
-        zero = np.zeros(system.n)
-        return cls(u, tuple(stiffness), zero, zero, states, trend)
-
-    def moved(self, system: System, u: Array, fluid: Mapping[int, Array]) -> Placed:
-        """The bodies at other displacements, from what they remember here, pressed by fluids.
-
-        Raises
-        ------
-        MaterialError
-            A body has no answer.
-        """
-        stiffness, states = list(self.stiffness), list(self.material)
-        internal, beyond = np.zeros((2, system.n))
-        bodies: tuple[Any, ...] = system.bodies  # those with fluids are not linear
-        for i, body in enumerate(bodies):
-            part = system.slice(body)
-            if body.nonlinear:
-                stiffness[i], internal[part], states[i] = body.linearize(u[part], self.material[i])
-            else:
-                internal[part] = stiffness[i] @ u[part]
-            if i in fluid:
-                beyond[part], slope = fluid_beyond(body, fluid[i], u[part])
-                stiffness[i] = csr_matrix(stiffness[i] - slope)
-        return Placed(
-            sealed(u),
-            tuple(stiffness),
-            sealed(internal - beyond),
-            sealed(beyond),
-            tuple(states),
-            self.trend,
-        )
-
-    def stiffened(self, undeformed: Sequence[csr_matrix], share: float) -> Placed:
-        """With a share of the tangents of the undeformed bodies added to those of here."""
-        if not share:
-            return self
-        pairs = zip(self.stiffness, undeformed, strict=True)
-        stiffness = tuple(K if K is own else csr_matrix(K + share * own) for K, own in pairs)
-        return replace(self, stiffness=stiffness)
-
-    def resisting(self, system: System, u: Array) -> Array:
-        """Return what the bodies as linearised here resist displacements u (n,) with, (n,) [force]."""
-        out = np.array(self.internal)
-        for part, K in zip(slices(system.offsets), self.stiffness, strict=True):
-            out[part] += K @ (u[part] - self.u[part])
-        return out
-
-    def origin(self, model: LinearModel) -> Origin:
-        """What the linear problem near here counts from: here, and zero of linear condensed bodies.
-
-        A condensed body remembers what its loads do, which are the same in all iterates.
-        """
-        system = model.system
-        u, forces = np.zeros(system.n), np.zeros(system.n)
-        for body in system.bodies:
-            if body.nonlinear or model.route != "condensed":
-                part = system.slice(body)
-                u[part], forces[part] = self.u[part], self.internal[part]
-        return Origin(u, forces, self.stiffness)
-
-
-def fluid_beyond(body: Any, pressures: Array, u: Array) -> tuple[Array, csr_matrix]:
-    """What a fluid has on the boundary at u beyond its load on the undeformed one; the derivative."""
-    load, slope = body.pressed(pressures, u)
-    return load - body.pressed(pressures)[0], slope
-
-
-@dataclass(frozen=True)
-class Iteration:
-    """One linearisation of the bodies, and the step that it led to.
-
-    Attributes
-    ----------
-    number : int
-        Within its part of the load step.
-    aim : float
-        Share of the load step at the end of that part; 1 where it was not cut.
-    residual : float
-        Largest force that is missing to equilibrium after it, over the largest force that acts.
-    step : float
-        Share of the step that was taken: 1 where the residual fell at once.
-    contact : int
-        Iterations of contact.
-    """
-
-    number: int
-    aim: float
-    residual: float
-    step: float
-    contact: int
-
-    def __str__(self) -> str:
-        words = f"{self.number:3d}  residual {self.residual:8.1e}  contact {self.contact:3d}"
-        words += "" if self.step == 1.0 else f"  {self.step:.3g} of a step"
-        return words + ("" if self.aim == 1.0 else f"  to {self.aim:.4g} of the load step")
-
-
-class Newton(tuple[Iteration, ...]):
-    """The linearisations of a load step, in their order; printed, a line for each.
-
-    Examples
-    --------
-    >>> print(Newton([Iteration(1, 1.0, 2e-3, 1.0, 4), Iteration(2, 1.0, 5e-12, 1.0, 1)]))
-      1  residual  2.0e-03  contact   4
-      2  residual  5.0e-12  contact   1
-    """
-
-    __slots__ = ()
-
-    def __str__(self) -> str:
-        return "\n".join(map(str, self))
-
-
-# -- an answer --------------------------------------------------------------------------------------
 
 
 @dataclass(eq=False)
@@ -442,14 +245,6 @@ def answer_of(result: Any) -> Answer:
     """The answer that a `ContactResult` holds; an answer is its own."""
     found: Answer = result if isinstance(result, Answer) else result._answer
     return found
-
-
-def point_forces(kin: Kinematics, state: LocalState) -> Array:
-    """Forces of all contacts on the DOFs, ``B_n' lambda - B_t' tau``, shape (n,) [force]."""
-    contact: Array = kin.B_n.T @ state.normal_force
-    if state.tangential_force.any():
-        contact = contact - kin.B_t.T @ state.tangential_force.ravel()
-    return contact
 
 
 def contact_forces(answer: Answer) -> Array:

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skfem_contact.answers.answer import Answer, Newton, reaction
+from skfem_contact.answers.answer import Answer, reaction
 from skfem_contact.answers.by_contact import ByContact
 from skfem_contact.answers.certificate import Certificate, certified, undetermined
+from skfem_contact.answers.placed import Newton
 from skfem_contact.answers.thresholds import FALLING, MOST_ROWS
 from skfem_contact.answers.uniqueness import Uniqueness, uniqueness
 from skfem_contact.answers.validity.assess import assess
@@ -384,12 +385,8 @@ class ContactResult(ByContact):
         ContactWarning
             As `validity` does.
         """
-        lines = [
-            *_first_lines(self, estimate=True),
-            "",
-            _verdict(self),
-            *str(self.validity).split("\n"),
-        ]
+        lines = [*_first_lines(self, estimate=True), "", _verdict(self)]
+        lines += str(self.validity).splitlines()
         for text in self.validity.problems.values():
             lines += [f"  ! {textwrap.fill(text, 96, subsequent_indent='    ')}"]
         answer = self._answer

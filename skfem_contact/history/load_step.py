@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skfem_contact.answers.answer import Answer, Origin
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.placed import Origin
 from skfem_contact.arrays import Array, lengths
 from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.interface import Interface

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skfem_contact.answers.answer import Iteration, Placed, point_forces
+from skfem_contact.answers.placed import Iteration, Placed, point_forces
 from skfem_contact.arrays import Array
 from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from skfem_contact.answers.answer import Placed, point_forces
+from skfem_contact.answers.placed import Placed, point_forces
 from skfem_contact.arrays import Array, largest
 from skfem_contact.carried import copied
 from skfem_contact.conditions.state import OPEN, LocalState

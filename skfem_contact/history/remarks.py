@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import LinAlgError
 from scipy.sparse import block_diag, csr_matrix
 
-from skfem_contact.answers.answer import Placed
+from skfem_contact.answers.placed import Placed
 from skfem_contact.answers.thresholds import A_TENTH
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface

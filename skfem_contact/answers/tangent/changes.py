@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 
-from skfem_contact.answers.answer import Answer, fluid_beyond
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.placed import fluid_beyond
 from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import known_keywords, numbers, shown
 from skfem_contact.arrays import Array
