@@ -91,7 +91,7 @@ def use(number: Number) -> str:
     mine = {number.name, number.key}
     if mine & CONSTANTS:
         return "constant"
-    if mine & TIME or "_AT_ONCE" in number.name:
+    if mine & TIME or number.name.endswith("AT_ONCE"):
         return "time and memory"
     if mine & WORDS or number.key.startswith("output."):
         return "words and pictures"

@@ -20,15 +20,13 @@ Index = NDArray[np.intp]
 #: A direction that no mesh has rows along, so that points of a grid have different places on it.
 ODD = np.array([0.5410, 0.6180, 0.5704])
 
-# Pairs of points up to which all are compared: from some 20 000 on a tree is made and asked in less.
+# Pairs of points up to which all are compared: from some 20 000 on a tree is made and asked in less. So
+# many are compared at a time where there are more: their distances stay in the cache.
 FEW_PAIRS = 25_000
 
 # Pairs compared in larger searches before the tree is imported for the next one: they have taken
 # as long as the import, .09 s, by then. Whatever comes, no more than twice the least is spent.
 WORTH_IMPORT = 10_000_000
-
-# Pairs that are compared at a time, so that their distances stay in the cache.
-BLOCK = 16_384
 
 
 class Tree:
@@ -162,7 +160,7 @@ class Tree:
         return found["i"][order], found["j"][order]
 
     def _blocks(self, at: Array) -> list[slice]:
-        step = max(BLOCK // len(self.points), 1)
+        step = max(FEW_PAIRS // len(self.points), 1)
         return [slice(first, first + step) for first in range(0, len(at), step)]
 
     def _squares(self, at: Array) -> Array:

@@ -20,11 +20,12 @@ LIBRARY = "skfem_contact."
 
 def modules_with(package: str, name: str) -> list[Any]:
     """The modules that have what goes by a name in one of the packages, of which all are imported."""
-    for found in walk_packages(import_module(LIBRARY + package).__path__, f"{LIBRARY}{package}."):
+    path = getattr(import_module(LIBRARY + package), "__path__", [])  # none of a module
+    for found in walk_packages(path, f"{LIBRARY}{package}."):
         import_module(found.name)
     known = {at: m for at, m in sys.modules.items() if at.startswith(LIBRARY) and name in vars(m)}
     known = {at: m for at, m in known.items() if not hasattr(m, "__path__")}  # a package has modules
-    own = [vars(m)[name] for at, m in known.items() if at.startswith(f"{LIBRARY}{package}.")]
+    own = [vars(m)[name] for at, m in known.items() if f"{at}.".startswith(f"{LIBRARY}{package}.")]
     assert own, f"no module of {package} has {name}"
     assert all(one is own[0] for one in own), f"{name} is several things in {package}"
     return [module for module in known.values() if vars(module)[name] is own[0]]

@@ -234,7 +234,7 @@ def test_elements_are_summed_some_at_a_time(kind, monkeypatch):
     mass = fem.BilinearForm(lambda u, v, w: _energy(u, v) + dot(u, v))
     weight = fem.LinearForm(lambda v, w: w.x[0] * v[0])
     whole = [sc.Body.from_mesh(mesh, vector(kind), K, weight) for K in (form, mass)]
-    internals.replace(monkeypatch, "bodies.BYTES_AT_ONCE", 100_000)
+    internals.replace(monkeypatch, "arrays.AT_ONCE", 100_000)
     for K, one in zip((form, mass), whole, strict=True):
         body = sc.Body.from_mesh(mesh, vector(kind), K, weight)
         assert_same(body.K, one.K)

@@ -45,7 +45,7 @@ def test_ten_thousand_points_are_judged_as_by_all_pairs(
 ) -> None:
     """100 random solids, closed and round or triangles anywhere, 100 points each; in parts, too."""
     if block:
-        internals.replace(monkeypatch, "answers.PAIRS_AT_ONCE", block)
+        internals.replace(monkeypatch, "arrays.AT_ONCE", 100 * block)
     rng, inner, outer = np.random.default_rng(22), 0, 0
     for i in range(100):
         if i % 2:

@@ -141,7 +141,7 @@ def test_large_bodies_are_looked_at_in_parts(monkeypatch):
     body = sc.NonlinearBody(basis, MATERIALS["J2"][0])
     u = 1e-3 * np.cos(np.arange(body.n))
     whole = body.linearize(u)
-    internals.replace(monkeypatch, "bodies.BYTES_AT_ONCE", 100_000)
+    internals.replace(monkeypatch, "arrays.AT_ONCE", 100_000)
     parts = body.linearize(u)
     assert (whole.K != parts.K).nnz == 0
     assert_allclose(whole.internal, parts.internal, rtol=0)
@@ -431,7 +431,7 @@ def test_states_and_displacements_that_are_refused():
 
 def test_an_element_that_turns_inside_out_is_named(monkeypatch):
     """The body and the element, by its number in the mesh, though elements are looked at in parts."""
-    internals.replace(monkeypatch, "bodies.BYTES_AT_ONCE", 50_000)
+    internals.replace(monkeypatch, "arrays.AT_ONCE", 50_000)
     basis, _ = basis_of("quad", 2)
     u = np.zeros(basis.N)
     element = 11

@@ -320,6 +320,15 @@ def test_a_bar_of_one_value_names_it(plain: None) -> None:
     assert ax.figure.axes[-1].get_yticks().tolist() == [0.0]
 
 
+def test_letters_of_axes_that_look_alike(plain: None) -> None:
+    """From where y and z point the same way in the picture, their letters stand in a row."""
+    ax = sc.plot_deformed(pushed("open"), viewer=(6, -62, 61))
+    ax.figure.canvas.draw()
+    letters = [t.get_window_extent() for t in ax.texts if t.get_text() in ("x", "y", "z")]
+    assert len(letters) == 3
+    assert not any(a.overlaps(b) for a, b in combinations(letters, 2))
+
+
 # -- files ----------------------------------------------------------------------------------------
 
 

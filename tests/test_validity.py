@@ -718,7 +718,7 @@ def test_many_points_go_in_blocks(monkeypatch):
     circle = Boundary(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1), corners)
     points = np.random.default_rng(1).uniform(-1.2, 1.2, (500, 2))
     whole = circle.signed(points)
-    internals.replace(monkeypatch, "answers.PAIRS_AT_ONCE", 1000)
+    internals.replace(monkeypatch, "arrays.AT_ONCE", 100_000)
     np.testing.assert_array_equal(circle.signed(points), whole)
     assert_allclose(whole, np.linalg.norm(points, axis=1) - 1, atol=1e-3)  # chords: 5e-4
 

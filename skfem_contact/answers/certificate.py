@@ -16,7 +16,6 @@ from scipy.sparse import csr_matrix, vstack
 from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.answers.answer import Answer, contact_forces
-from skfem_contact.answers.thresholds import NO_LOAD
 from skfem_contact.arguments import NamesAttributes
 from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.member import unit_motions
@@ -141,7 +140,7 @@ def certify(result: Answer) -> Certificate:
     floor = 0.0
     if not f.any():
         noise = _largest_term(result)
-        floor = GIVEN * noise if force < NO_LOAD * noise else 0.0
+        floor = GIVEN * noise if force < COMPUTED * noise else 0.0
     if not (f.any() or result.case.x.any()):
         # what is left of earlier forces is no scale for itself: coordinates have rounding errors, and
         # a force that is smaller than what such a distance makes in the softest body is none
@@ -158,7 +157,7 @@ def certify(result: Answer) -> Certificate:
     total = max(total, floor)
     balance, moment, across, normal = _balance(result, f + reactions, total * length)
     # a contact that carries round-off of the others has no digits of its own
-    violation = _friction_violation(result, max(floor, NO_LOAD * force))
+    violation = _friction_violation(result, max(floor, SOLVED * force))
     return Certificate(
         equilibrium=_ratio(np.max(np.abs(residual), initial=0.0), force),
         penetration=_ratio(np.max(overlap, initial=0.0), length),

@@ -18,7 +18,6 @@ from skfem_contact.answers.by_contact import ByContact
 from skfem_contact.answers.certificate import Certificate, certified, undetermined
 from skfem_contact.answers.placed import Newton
 from skfem_contact.answers.thresholds import FALLING, MOST_ROWS
-from skfem_contact.answers.uniqueness import Uniqueness, uniqueness
 from skfem_contact.answers.validity.assess import assess
 from skfem_contact.answers.validity.strain import rigid_rotations
 from skfem_contact.answers.validity.validity import Validity
@@ -43,6 +42,7 @@ from skfem_contact.sealed import sealed
 if TYPE_CHECKING:
     from skfem_contact.answers.tangent.sensitivity import Sensitivity
     from skfem_contact.answers.tangent.tangent import Tangent
+    from skfem_contact.answers.uniqueness import Uniqueness
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -326,6 +326,8 @@ class ContactResult(ByContact):
         is shown to be the only one, see `Uniqueness`. None where it is not computed: on the routes
         without a dense matrix, and where rows depend on each other.
         """
+        from skfem_contact.answers.uniqueness import uniqueness
+
         return uniqueness(self._answer)
 
     # of several threads that ask at once for these one computes, and warns

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 # -- certificate -------------------------------------------------
 
-# Without a load, forces below this part of the terms of ``K u`` are what cancelling them leaves.
-NO_LOAD = 1e-10
-
 # -- values ------------------------------------------------------
 
 # Energy that the balance of a step misses, over the energy lost, from which on it is said: the loss of
@@ -71,18 +68,10 @@ SAGITTA = 0.2
 # on three points.
 SUSPECTED = 0.25
 
-# An approach below this part of the extent of the bodies is none: what is left of gaps and forces
-# where a load has been taken back. Curves that mortar fits leave 1e-11; a centimetre of steel is
-# pressed in by 4e-9 of its height under its own weight.
-NO_APPROACH = 1e-10
-
 # -- validity.deformed_boundaries -----------------------------------------
 
 # Straight pieces that a quadratic facet is drawn with: they miss 1/256 of its sagitta.
 PIECES = 8
-
-# Pairs of points and pieces that are compared at a time.
-PAIRS_AT_ONCE = 2_000_000
 
 # -- validity.strain ---------------------------------------------
 

@@ -17,7 +17,7 @@ Forms are scikit-fem's own, or differentiated by JAX. The displacements at point
 from __future__ import annotations
 
 from collections import namedtuple
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -27,11 +27,10 @@ from skfem.assembly import BilinearForm, LinearForm
 from skfem.assembly.form.form import FormExtraParams
 
 from skfem_contact.arguments import shown
-from skfem_contact.arrays import Array
+from skfem_contact.arrays import Array, runs
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.inputs import stiffness_of
 from skfem_contact.bodies.linearizable import Linearized, State
-from skfem_contact.bodies.thresholds import BYTES_AT_ONCE
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.materials.material import Material, Split, deformation, dilatation, everywhere
@@ -101,13 +100,11 @@ class Continuum:
             stored = stored - U(growth)[0] + U(self._mean(growth, slice(None)))[0]
         return float(np.sum(stored * dx)), float(np.sum(dissipated * dx))
 
-    def _parts(self) -> Iterator[slice]:
+    def _parts(self) -> list[slice]:
         """Elements that are looked at together: tangents fill the memory."""
         k, d = self.gradients.G.shape[:2]
         each = 8 * (self.gradients.points * d**3 * (8 * d + k) + 2 * (k * d) ** 2)
-        count = max(1, BYTES_AT_ONCE // each)
-        for first in range(0, self.gradients.elements, count):
-            yield slice(first, min(first + count, self.gradients.elements))
+        return runs(self.gradients.elements, each)
 
     def _response(self, H: Array, state: State, some: slice) -> tuple[Any, ...]:
         """Ask the material, with means of the change of volume if wanted, see `Split.averaged`."""

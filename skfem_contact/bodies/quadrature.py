@@ -16,8 +16,7 @@ import skfem
 from skfem.assembly import CellBasis
 from skfem.assembly.basis.abstract_basis import AbstractBasis
 
-from skfem_contact.arrays import Array, Index
-from skfem_contact.bodies.thresholds import BYTES_AT_ONCE
+from skfem_contact.arrays import Array, Index, runs
 
 #: Elements of degree one; the others are of degree two.
 LINEAR = (
@@ -118,14 +117,13 @@ def integrates(basis: Any) -> bool:
 
 
 def chunks(basis: Any, bytes_each: int) -> Iterator[Index | None]:
-    """Yield element numbers in runs that take `BYTES_AT_ONCE` of memory; None for all elements."""
-    count = max(1, BYTES_AT_ONCE // bytes_each)
-    if count >= basis.nelems:
+    """Yield element numbers in `runs`; None for all elements."""
+    parts = runs(basis.nelems, bytes_each)
+    if len(parts) < 2:
         yield basis.tind  # the mapping knows what it has evaluated for all elements
         return
     elements = np.arange(basis.nelems) if basis.tind is None else np.asarray(basis.tind)
-    for first in range(0, len(elements), count):
-        yield elements[first : first + count]
+    yield from (elements[part] for part in parts)
 
 
 def parts(basis: Any) -> Iterator[Any]:

@@ -27,10 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
-from skfem_contact.arrays import Array, Index, Mask, cross, tangents
+from skfem_contact.arrays import Array, Index, Mask, cross, runs, tangents
 from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.bodies.thresholds import BOWED, ENOUGH, FITS, FITTED, NODES_AT_ONCE
-from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
+from skfem_contact.bodies.thresholds import BOWED, ENOUGH, FITS
+from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF, SOLVED
 from skfem_contact.records import dataclass
 
 
@@ -87,8 +87,8 @@ class Quadrics:
         rise = np.abs(np.einsum("qrd,qd->qr", away, normals[chosen])).max(axis=1, initial=0.0)
         size = np.abs(away).max(axis=(1, 2), initial=0.0)
         some = np.flatnonzero(rise > COMPUTED * size)
-        for first in range(0, len(some), NODES_AT_ONCE):
-            part = some[first : first + NODES_AT_ONCE]
+        for run in runs(len(some), 4000):  # what a fit of one node takes, about
+            part = some[run]
             at = chosen[part]
             normal[at], tensor[at], known[at] = fitted(normals[at], away[part], there[part])
         bent = np.zeros(m, dtype=bool)
@@ -157,8 +157,8 @@ def fitted(normal: Array, away: Array, there: Mask) -> tuple[Array, Array, Mask]
         k[..., left] = curvatures
         change[d - 1 :] *= size[left]
         last, before[left] = before[left], np.abs(change).max(axis=0, initial=0.0)
-        # what steps that shrink like this one will still add
-        more = before[left] ** 2 > FITTED * np.maximum(last - before[left], FITTED)
+        # what steps that shrink like this one will still add: meshes of one surface meet to 12 digits
+        more = before[left] ** 2 > ROUND_OFF * np.maximum(last - before[left], ROUND_OFF)
         if not more.any():
             break
         if not more.all():

@@ -4,13 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-# -- assembly, quadrature ----------------------------------------
-
-# Gradients of shape functions, and tangents of materials, that are evaluated at once: a small part of
-# what the stiffness of a body takes. Of gradients the time is the same between 256 kB and 128 MB;
-# 15 625 elements that yield take 64 ms with 8 MB, 71 with 32, which leave the caches, and 90 with 1.
-BYTES_AT_ONCE = 8_000_000
-
 # -- inputs ------------------------------------------------------
 
 # A number on the diagonal of K that is larger than all others by this factor prescribes a displacement.
@@ -51,12 +44,8 @@ BENT = 1e-3
 # plane these two tell all; in space five numbers are sought, and six nodes round one may lie on a cone.
 ENOUGH = {2: 2, 3: 7}
 
-# Steps of a fit at most: each gains the square of a facet over the radius of curvature, or better. And
-# what those to come may still add, of one: meshes of one surface have to meet to 12 digits.
-FITS, FITTED = 12, 1e-14
-
-# Nodes fitted at once: some 2 kB for each, which stay in the cache of a processor.
-NODES_AT_ONCE = 1 << 11
+# Steps of a fit at most: each gains the square of a facet over the radius of curvature, or better.
+FITS = 12
 
 # A surface ends on a plane of symmetry if its normal has none across it there: continued in proportion
 # to the distance, this part of its change over the last facet at most. On an arc of 45 degrees a facet

@@ -32,7 +32,7 @@ from numpy.typing import ArrayLike
 
 from skfem_contact.arguments import PrintedAsCall, number, numbers, shown, take, with_known_keywords
 from skfem_contact.arrays import Array, Mask, lengths
-from skfem_contact.conditions.thresholds import AGREE, DIFFERENCE
+from skfem_contact.digits import SINGLE, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import kept, sealed
@@ -129,7 +129,7 @@ class FrictionLaw(PrintedAsCall):
         scale = float(np.max(normal_force, initial=0.0))
         if scale == 0.0:
             return np.zeros_like(normal_force)
-        step = DIFFERENCE * scale
+        step = SINGLE * scale  # quotients only speed up the loops
         ahead = np.asarray(self.limit(normal_force + step, area, slip.copy()))
         return (ahead - np.asarray(self.limit(normal_force, area, slip))) / step
 
@@ -483,7 +483,7 @@ def slip_gradient(limit: Callable[[Array], Array], here: Array, slip: Array, dir
     direction : ndarray, shape (m, d-1)
         Unit directions of friction; zero where nothing slips.
     """
-    step = DIFFERENCE * float(np.max(np.abs(slip), initial=0.0))
+    step = SINGLE * float(np.max(np.abs(slip), initial=0.0))
     if step == 0.0:
         return np.zeros_like(direction)
     ahead = np.asarray((limit(slip + step * direction) - here) / step)
@@ -533,7 +533,7 @@ def mapped_arrays(found: Any, name: str, trial: Array) -> Mapped:
 def unlawful(trial: Array, limit: Array, force: Array, slips: Mask, by: Derivatives) -> Mask:
     """Points where a return map is none: off the bound where it slips, or not finite, (m,)."""
     size, wanted = np.linalg.norm(force, axis=1), np.linalg.norm(trial, axis=1)
-    alike = AGREE * np.max(limit[np.isfinite(limit)], initial=0.0)
+    alike = SOLVED * np.max(limit[np.isfinite(limit)], initial=0.0)
     slides = (np.abs(size - limit) <= alike) & (wanted >= limit - alike)
     for array in by:
         slides &= np.isfinite(array).reshape(len(array), -1).all(axis=1)

@@ -29,8 +29,8 @@ from skfem_contact.conditions.friction import (
     unlawful,
 )
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.conditions.thresholds import BEYOND, DIFFERENCE, STEEP
-from skfem_contact.digits import COMPUTED
+from skfem_contact.conditions.thresholds import BEYOND, STEEP
+from skfem_contact.digits import COMPUTED, SINGLE
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 
@@ -111,7 +111,7 @@ class CheckedLaw(ByFields):
             return self.law.slope(normal_force, area, slip)
         slopes, known = self._ask(self.law.slope, "slope", normal_force, area, slip)
         largest = float(np.max(normal_force[known], initial=0.0))
-        bare = known & (normal_force <= DIFFERENCE * largest)
+        bare = known & (normal_force <= SINGLE * largest)
         if largest > 0 and bare.any():
             rise = self.limit(np.where(bare, largest, normal_force), area, slip)
             rise -= self.limit(normal_force, area, slip)

@@ -20,8 +20,8 @@ from skfem_contact.bodies.member import largest
 from skfem_contact.bodies.system import System
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.thresholds import FEW_MODES, NO_WORK, NOT_NAMED, RESISTS
-from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
+from skfem_contact.conditions.thresholds import FEW_MODES, NOT_NAMED
+from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF, SOLVED
 from skfem_contact.errors import NoEquilibrium
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.records import dataclass
@@ -95,7 +95,7 @@ class RigidMotions(ByFields):
         self,
         closed: Mask,
         stick: Mask,
-        firmly: float = RESISTS,
+        firmly: float = SOLVED,
         more: Array | None = None,
     ) -> Array:
         """Combinations of modes that closed and sticking points do not hold, shape (k, j).
@@ -120,7 +120,7 @@ class RigidMotions(ByFields):
         products = np.einsum("mtk,mtl->mkl", self.tangential, self.tangential)
         return products.reshape(len(products), -1)
 
-    def held(self, closed: Array | Mask, stick: Mask, least: float = RESISTS) -> bool:
+    def held(self, closed: Array | Mask, stick: Mask, least: float = SOLVED) -> bool:
         """Closed and sticking points hold all motions by far, as in nearly every step.
 
         Where they do `free` finds none, and takes longer. `closed` may be weights: the squares of what
@@ -231,7 +231,7 @@ def _resistance(K: csr_matrix, R: Array) -> Array:
     The resistance of a rigid mode of a free body is round-off, some 1e-16 per row; how strong a
     genuine spring is does not matter here, only that there is one.
     """
-    forces, least = K @ R, NO_WORK * np.sqrt(K.shape[0])
+    forces, least = K @ R, ROUND_OFF * np.sqrt(K.shape[0])
     # no singular value is above the norm, and the scale is not below what the diagonal alone gives
     if np.linalg.norm(forces) <= least * np.max(np.abs(K.diagonal()[:, None] * R), initial=0.0):
         return np.zeros((0, R.shape[1]))
@@ -303,7 +303,7 @@ def _out_of_balance(sums: Mapping[str, float], f: Array, alone: bool) -> str:
     return f"The loads on {'it' if alone else 'them'} add up to {words}. "
 
 
-def null_space(rows: Array, least: float = RESISTS) -> Array:
+def null_space(rows: Array, least: float = SOLVED) -> Array:
     """Directions that all rows leave at zero, shape (k, j), orthonormal."""
     k = rows.shape[1]
     if rows.size == 0:

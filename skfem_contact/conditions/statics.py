@@ -21,8 +21,8 @@ from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.state import LocalState
-from skfem_contact.conditions.thresholds import CARRIED, DIRECTIONS, FEASIBLE, LEFT_ALONG
-from skfem_contact.digits import SOLVED
+from skfem_contact.conditions.thresholds import DIRECTIONS, LEFT_ALONG
+from skfem_contact.digits import SINGLE, SOLVED
 
 
 def load_on(motions: RigidMotions, f: Array) -> tuple[Array, float]:
@@ -66,7 +66,7 @@ def escape(motions: RigidMotions, interface: Interface, paired: Mask, f: Array) 
         A_eq=np.hstack([G, one, -one]),
         b_eq=-Q / size,
         method="highs",
-        options={"primal_feasibility_tolerance": FEASIBLE, "dual_feasibility_tolerance": FEASIBLE},
+        options={"primal_feasibility_tolerance": SOLVED, "dual_feasibility_tolerance": SOLVED},
     )
     if found.status != 0 or found.fun <= SOLVED:
         return None
@@ -147,5 +147,5 @@ def balanced(
     across = sum(float(np.abs(values).sum()) for _, values in parts)
     size = sum(np.abs(rows).T @ np.abs(values) for rows, values in parts)
     least = np.maximum(LEFT_ALONG * size, max(SOLVED * across, noise * len(f)))
-    least = np.maximum(least, min(carried, CARRIED * across))
+    least = np.maximum(least, min(carried, SINGLE * across))
     return bool(np.all(left <= least))

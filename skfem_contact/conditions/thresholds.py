@@ -19,17 +19,9 @@ STEEP = 5.0
 
 # -- friction, friction_rule -------------------------------------
 
-# Step of difference quotients, as a share of the largest argument: the root of round-off and a digit
-# more, as a law may have several length scales. Quotients only speed up the loops.
-DIFFERENCE = 1e-7
-
 # A trial force beyond any bound, for points that slip in a known direction. A power of two, so that the
 # force on the bound has no round-off; and its fourth power is still a number.
 BEYOND = 2.0**250
-
-# A law's own return map and its limit agree to this part of the largest limit: a digit more than loops
-# converge to.
-AGREE = 1e-11
 
 # -- interface ---------------------------------------------------
 
@@ -41,13 +33,6 @@ STIFFNESS = {"newton": np.inf, "direct": 1e3, "fictitious": 1.0}
 
 # A mode with less than this share of a motion is not named in messages.
 NOT_NAMED = 1e-3
-
-# Singular values of K on rigid modes, times the root of the number of DOFs, that are round-off.
-NO_WORK = 1e-14
-
-# A row that holds a mode of unit size resists it by a number of order one; one that does not, by
-# round-off. Everything below this counts as free: the matrix would lose more digits than it has.
-RESISTS = 1e-9
 
 # Free motions up to which the products of their rows are kept point by point: those of two bodies in
 # space, which take less than the rows' own matrix.
@@ -67,16 +52,9 @@ NO_PROJECTION = 1e-2
 
 # -- statics -----------------------------------------------------
 
-# Where the linear program ends, of loads and arms of size one: the strictest that HiGHS takes.
-FEASIBLE = 1e-10
-
 # Directions of friction in 3-D; the polygon lies around the circle of Coulomb's law.
 DIRECTIONS = 32
 
 # What may be left of the forces along a free motion: they balance to the digits of the contact problem,
 # 1e-8 with moduli 1e6 apart, and where a body ran away nothing of them does.
 LEFT_ALONG = 1e-4
-
-# Where supports move, stiff bodies move with them, and the round-off of their forces may be more: it is
-# excused up to this share of the forces across a motion.
-CARRIED = 1e-7

@@ -14,7 +14,6 @@ from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import BARELY, RigidMotions, null_space
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
-from skfem_contact.conditions.thresholds import RESISTS
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.history.load_step import Attempt
 from skfem_contact.history.thresholds import ACROSS, TINY, TURNED
@@ -62,7 +61,7 @@ class Grip:
         slips = carrying & (state.status == SLIP)
         if np.count_nonzero(slips):
             stick |= resisting_slips(model.interface.laws, state, slips)
-        firmly = TURNED if model.geometry.follows else RESISTS
+        firmly = TURNED if model.geometry.follows else SOLVED
         return cls(motions, attempt, carrying, stick, max(most, floor, TINY), firmly)
 
     @cached_property

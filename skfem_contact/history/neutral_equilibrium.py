@@ -27,13 +27,12 @@ from skfem_contact.arrays import Array, Mask
 from skfem_contact.conditions.motions import NEAR, NOWHERE, RigidMotions
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.conditions.statics import drives
-from skfem_contact.conditions.thresholds import RESISTS
-from skfem_contact.digits import COMPUTED, SOLVED
+from skfem_contact.digits import COMPUTED, SINGLE, SOLVED
 from skfem_contact.history.grip import force_terms, pins, weak_springs
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import Stepper
 from skfem_contact.history.stepping import advance
-from skfem_contact.history.thresholds import FALLS, FEW_CUTS, FIRM, NO_REACTION, ROUNDS, TURNED, WEAK
+from skfem_contact.history.thresholds import FALLS, FEW_CUTS, FIRM, ROUNDS, TURNED, WEAK
 from skfem_contact.linalg.dense_factors import nonnegative_least_squares
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.records import dataclass
@@ -166,12 +165,12 @@ class NeutralEquilibrium:
             return None
         carrying, known, motions = soft
         interface, follows = self.model.interface, self.model.geometry.follows
-        near = (TURNED, TURNED) if follows else (RESISTS, SOLVED)
-        free = motions.free(carrying, carrying & interface.slipping, near[0])
+        near = TURNED if follows else SOLVED
+        free = motions.free(carrying, carrying & interface.slipping, near)
         if free.shape[1] == 0:  # what the springs found is held by what carries: no more is needed
             way = self._advance(self.model, self.step, known)
             return Rest(way, free, Recovery.of(way.attempt)) if way.attempt.good else None
-        if drives(motions, self.step.target.f, free, near[1]):
+        if drives(motions, self.step.target.f, free, near):
             return None
         if follows and not carrying.any():
             # what friction may hold on its way is not let go elsewhere
@@ -209,7 +208,7 @@ class NeutralEquilibrium:
             largest = np.max(np.abs(attempt.local.normal_force), initial=0.0)
             if reaction > max(TURNED * largest, floor):  # no strain's doing
                 return None
-            pull = float(reaction / largest) if reaction > max(NO_REACTION * largest, floor) else 0.0
+            pull = float(reaction / largest) if reaction > max(SINGLE * largest, floor) else 0.0
             way.attempt = self._without_pull(attempt)
             rest, away = Rest(way, free, recover, pull), float(np.max(np.abs(left)))
             if away <= SOLVED * np.max(np.abs(u)):

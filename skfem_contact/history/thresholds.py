@@ -83,7 +83,7 @@ FALLS = 0.5
 
 # Friction holds a motion at an angle to its direction by the square of the angle. Where that is below
 # 1e-10, at 1e-5 rad, half of the digits of the place are lost: it counts as free, as what moves by
-# `RESISTS` of a unit does.
+# `SOLVED` of a unit does.
 ACROSS = 1e-4
 
 # The smallest number that is divided by.
@@ -92,11 +92,6 @@ TINY = float(np.finfo(float).tiny)
 # Where contact slides far its normals turn by the strains of the surfaces: motions that points hold by
 # no more than that may be free. Whether they are the reaction of the held DOFs says.
 TURNED = 1e-2
-
-# Reaction of the held DOFs over the largest point force, and what is left of the way to go over the
-# largest displacement, that count as none: the digits of the contact problem with moduli 1e6 apart,
-# and two more, as the way is no difference of forces.
-NO_REACTION = 1e-8
 
 # Each round of moving the held DOFs gains the strain's digits: exact motions take two.
 ROUNDS = 8

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, lapack
 
 from skfem_contact.arrays import Array, Mask
+from skfem_contact.digits import ROUND_OFF
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg import thresholds
-from skfem_contact.linalg.thresholds import NO_PIVOT
 from skfem_contact.records import dataclass
 
 
@@ -174,7 +174,7 @@ def factorised(A: Array, symmetric: bool) -> DenseFactors:
     largest = np.max(np.abs(np.diag(A)), initial=0.0)
     try:
         factors = lu(A, overwrite=True)
-        if np.all(factors.diagonal > NO_PIVOT * largest):
+        if np.all(factors.diagonal > ROUND_OFF * largest):
             return factors
     except LinAlgError:
         pass
@@ -220,10 +220,6 @@ def divide(A: Array, scale: Array) -> None:
     """``A_ij / (scale_i scale_j)``."""
     for rows in blocks(len(A)):
         A[rows] /= np.outer(scale[rows], scale)
-
-
-# Slope over the size of the matrix that is round-off, as in `scipy.optimize.nnls`.
-ROUND_OFF = 10 * np.finfo(float).eps
 
 
 def nonnegative_least_squares(A: Array, b: Array) -> Array:

@@ -16,9 +16,6 @@ ROWS_AT_ONCE = 1024
 # Rows of a triangle that are copied at once: few operations, and a block that caches hold.
 MIRRORED_AT_ONCE = 128
 
-# Pivot over the largest diagonal entry below which the factors of an unsymmetric matrix have no digits.
-NO_PIVOT = 1e-14
-
 # -- resources ---------------------------------------------------
 
 # Twice the bytes of the factors of squares over n log2 n, and of cubes over n^1.37: 3.2 GB are taken by
@@ -48,6 +45,3 @@ LEAF = 120  # DOFs: below, the calls cost more than the arithmetic; above, the f
 LOST, SUSPICIOUS, NEGLIGIBLE = 1e-13, 1e-8, 1e-15
 
 # -- multifrontal.fronts -----------------------------------------
-
-# x'Ky - y'Kx of random x and y over the norm of K: assembly leaves 1e-13, single precision 1e-7.
-SYMMETRIC_TO = 1e-8

@@ -44,16 +44,14 @@ from skfem_contact.arrays import Array, Index, Mask, lengths
 from skfem_contact.conditions.friction_rule import grows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
-from skfem_contact.digits import DECIMALS, GIVEN
+from skfem_contact.digits import DECIMALS, GIVEN, ROUND_OFF, SINGLE
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.complementarity import LineSearch, Projection, largest_force
 from skfem_contact.loops.multipliers import Iteration, through_springs
 from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.loops.thresholds import (
     BETWEEN,
-    FIRMLY,
     FREE_CHANGES,
-    ROUNDED,
 )
 from skfem_contact.problem.response import Conditions, odd_round_off
 from skfem_contact.records import dataclass
@@ -235,7 +233,7 @@ def stabilise(step: Step, current: Guess, coupled: bool = True) -> tuple[Index, 
     if motions.k == 0:
         return status, None
     holds = step.resisting
-    if motions.held(status != OPEN, (status == STICK) & holds, FIRMLY):
+    if motions.held(status != OPEN, (status == STICK) & holds, SINGLE):
         return status, None
 
     springs = np.zeros(len(status), dtype=bool)
@@ -244,7 +242,7 @@ def stabilise(step: Step, current: Guess, coupled: bool = True) -> tuple[Index, 
 
     def still_free() -> Array:
         closed, stick = status != OPEN, (status == STICK) & holds | springs
-        return motions.free(closed, stick, FIRMLY, _across(step, current, status))
+        return motions.free(closed, stick, SINGLE, _across(step, current, status))
 
     free = still_free()
     if free.shape[1] == 0:
@@ -254,7 +252,7 @@ def stabilise(step: Step, current: Guess, coupled: bool = True) -> tuple[Index, 
     limit = step.friction.bound(current.normal_force, current.slip)
     excess = lengths(current.tangential_force) - limit
     # a gap is no more exact than the coordinates that it is a difference of
-    known = ROUNDED * float(np.abs(motions.kin.points).max(initial=0.0))
+    known = ROUND_OFF * float(np.abs(motions.kin.points).max(initial=0.0))
     slipping = _by(excess, status == SLIP, step)
     opened = _by(step.load.gap0, status == OPEN, step, known)
     order = np.concatenate([slipping, opened])

@@ -33,7 +33,7 @@ from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.loops.step import Guess, Step
-from skfem_contact.loops.thresholds import DECREASE, HALVINGS, ROUND_OFF, SOLVED_SLIP
+from skfem_contact.loops.thresholds import DECREASE, HALVINGS, SOLVED_SLIP
 from skfem_contact.problem.response import Resistance, Response
 from skfem_contact.records import dataclass
 
@@ -75,7 +75,7 @@ class Projection:
     @property
     def nothing(self) -> float:
         """Forces up to this are round-off [force]."""
-        return max(ROUND_OFF * self.force_scale, self.step.noise)
+        return max(COMPUTED * self.force_scale, self.step.noise)
 
     @cached_property
     def closed(self) -> tuple[Mask, Array]:
@@ -121,7 +121,7 @@ class Projection:
         """
         step, response, force = self.step, self.response, self.pressing
         was_open = current.status == OPEN
-        penetrates = was_open & (force > self.rho.normal * (ROUND_OFF * self.gap_scale)) & step.paired
+        penetrates = was_open & (force > self.rho.normal * (COMPUTED * self.gap_scale)) & step.paired
         pulls = ~was_open & (force < -self.nothing)
         if step.closed_for_good is not None:
             pulls &= ~step.bilateral
@@ -157,7 +157,7 @@ class Projection:
             trial = trial + missing[:, None] * current.direction
         size = lengths(trial)
         # what is open has no status to keep; what slips back by more than the round-off of slips sticks
-        back = ROUND_OFF * self.slip_scale * self.rho.tangential + 4 * EPS * bound
+        back = COMPUTED * self.slip_scale * self.rho.tangential + 4 * EPS * bound
         back = np.where(step.exact, np.minimum(self.nothing, back), self.nothing)
         slack = self.nothing * was_stick - back * was_slip
         if not step.all_exact:
@@ -219,7 +219,7 @@ class Projection:
         normal, tangential = (np.abs(self.left_over[0]), lengths(self.left_over[1]))
         slip_scale = self.slip_scale
         allowed = max(step.noise, tolerance * scale)
-        known = ROUND_OFF * np.maximum(rho.normal * self.gap_scale, rho.tangential * slip_scale)
+        known = COMPUTED * np.maximum(rho.normal * self.gap_scale, rho.tangential * slip_scale)
         wrong = normal > np.maximum(known, allowed)
         if not step.all_exact:
             known = np.maximum(known, trial_round_off(step, response))

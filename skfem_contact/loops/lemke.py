@@ -19,17 +19,9 @@ import numpy as np
 
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
-from skfem_contact.digits import COMPUTED, SOLVED
+from skfem_contact.digits import COMPUTED, ROUND_OFF, SOLVED
 from skfem_contact.loops.step import Guess, Step
-from skfem_contact.loops.thresholds import (
-    EQUAL_RATIO,
-    MOST_POINTS,
-    NO_EIGENVALUE,
-    PIVOT,
-    SWEEPS,
-    TIED_RATIO,
-    WEAK_SPRINGS,
-)
+from skfem_contact.loops.thresholds import MOST_POINTS, SWEEPS, WEAK_SPRINGS
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.records import dataclass
 
@@ -88,15 +80,15 @@ def lemke(M: Array, q: Array) -> Array | None:
 
 def _blocking_row(table: Array, basis: Index, enter: int, n: int, scale: float) -> int | None:
     column = table[:, enter]
-    rows = np.flatnonzero(column > PIVOT * max(1.0, np.abs(column).max()))
+    rows = np.flatnonzero(column > COMPUTED * max(1.0, np.abs(column).max()))
     if len(rows) == 0:
         return None
     ratio = np.maximum(table[rows, -1], 0.0) / column[rows]
-    least = ratio.min() * (1 + SOLVED) + EQUAL_RATIO * scale
+    least = ratio.min() * (1 + SOLVED) + COMPUTED * scale
     artificial = rows[(basis[rows] == 2 * n) & (ratio <= least)]
     if len(artificial):
         return int(artificial[0])
-    tied = rows[ratio <= ratio.min() + TIED_RATIO * scale]
+    tied = rows[ratio <= ratio.min() + ROUND_OFF * scale]
     if len(tied) == 1:
         return int(tied[0])
     order = table[tied, :n] / table[tied, enter][:, None]
@@ -214,7 +206,7 @@ def _compliance(S: Array, weak: float) -> Array:
     values, vectors = np.linalg.eigh(S / np.outer(size, size))
     # a body that moves freely as a whole has round-off of either sign alone; the unit is the scaled one
     most = np.max(values, initial=0.0) or 1.0
-    values = np.maximum(values, max(weak, NO_EIGENVALUE) * most)
+    values = np.maximum(values, max(weak, ROUND_OFF) * most)
     return (vectors / values) @ vectors.T / np.outer(size, size)
 
 

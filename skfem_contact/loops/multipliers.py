@@ -27,13 +27,13 @@ from skfem_contact.arrays import Array, Mask, largest, lengths, size_of
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.rows import stacked_rows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
-from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
+from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF, SOLVED
 from skfem_contact.elimination.thresholds import AGREEMENT
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.loops.complementarity import Projection, largest_force
 from skfem_contact.loops.step import Guess, Iterate, Step
-from skfem_contact.loops.thresholds import MOST_MOVES, ROUNDED, SLOW
+from skfem_contact.loops.thresholds import MOST_MOVES, SLOW
 from skfem_contact.problem.response import Response
 from skfem_contact.problem.springs import least_friction
 from skfem_contact.records import dataclass
@@ -259,7 +259,7 @@ def _round_off(step: Step, response: Response) -> float:
     """Strain that is round-off of gaps and slips [length]."""
     finite = np.isfinite(step.load.gap0)
     gaps = step.load.gap0[finite], response.gap[finite]
-    return ROUNDED * max(size_of(a) for a in (*gaps, step.load.slip0, response.slip))
+    return ROUND_OFF * max(size_of(a) for a in (*gaps, step.load.slip0, response.slip))
 
 
 def _check(step: Step, growth: Array) -> None:

@@ -25,8 +25,7 @@ import numpy as np
 from skfem_contact.arrays import Array
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN
-from skfem_contact.conditions.thresholds import NO_WORK
-from skfem_contact.digits import GIVEN, SOLVED
+from skfem_contact.digits import GIVEN, ROUND_OFF, SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.loops.active_set import newton
 from skfem_contact.loops.complementarity import Projection
@@ -105,7 +104,7 @@ class LoadingMachine:
             self._on_rows(motions.normal[:, i], motions.tangential[:, :, i]) for i in range(motions.k)
         ]
         work = np.array(rows) @ self._along
-        if np.max(np.abs(work)) <= NO_WORK * np.linalg.norm(self._along) * np.sqrt(n):
+        if np.max(np.abs(work)) <= ROUND_OFF * np.linalg.norm(self._along) * np.sqrt(n):
             return motions
         left = np.linalg.qr(work[:, None], mode="complete")[0][:, 1:]
         modes = motions.modes @ left

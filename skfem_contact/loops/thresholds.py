@@ -51,22 +51,10 @@ SLOW = 0.5
 
 # -- complementarity ---------------------------------------------
 
-# Round-off of a force or a gap relative to the largest one: a violation below it is no violation.
-# Condensation loses some digits to the condition number of the bodies (1e-16 times 1e3 or so).
-ROUND_OFF = 1e-11
-
 # Where in a unit of the last of `DECIMALS` by which points are told apart one number begins and the
 # other ends: at no fraction that meshes have. At a half it is at 2^-10, among others, and round-off
 # tells equal points apart.
 BETWEEN = (3 - 5**0.5) / 2
-
-# Round-off of a gap over the coordinates that it is a difference of: some units in the last place of
-# each, as a pairing interpolates and a body that has moved adds its displacements.
-ROUNDED = 2e-14
-
-# A set of points that holds a body by less than this is none that can be solved for: stiffnesses are
-# squares of it, and those have sixteen digits.
-FIRMLY = 1e-7
 
 # -- starts ------------------------------------------------------
 
@@ -80,16 +68,6 @@ NEWTON_ITERATIONS = 80
 DECREASE, HALVINGS = 1e-4, 10
 
 # -- lemke (the tableau, whose entries are of order one after scaling) ---
-
-# Entries of a column, over its largest, that are pivots; round-off of up to 4 m steps is below.
-PIVOT = 1e-11
-
-# Ratios that are equal, over the right-hand side: for the artificial variable, which may leave as soon
-# as it is one of the smallest, and for all others.
-EQUAL_RATIO, TIED_RATIO = 1e-11, 1e-13
-
-# Eigenvalues of the scaled matrix, over the largest, that are round-off.
-NO_EIGENVALUE = 1e-14
 
 # -- starts ------------------------------------------------------
 

@@ -10,17 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from skfem_contact.arguments import check_name, check_switch, numbers, take, with_known_keywords
 from skfem_contact.arrays import Array, Index, Mask, sizes
 from skfem_contact.bodies.selection import written
-from skfem_contact.digits import COMPUTED
+from skfem_contact.digits import COMPUTED, ROUND_OFF
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.bends import cut_edges
 from skfem_contact.obstacles.obstacle import Faceted, volume
 from skfem_contact.pairing.search import FacetTree, Nodes
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
-
-#: Distance over the largest coordinate at which two points may be one: coordinates that were turned
-#: and moved are wrong by a few halves of their last digit.
-SAME_PLACE = 8 * 2.0**-52
 
 
 @with_known_keywords()
@@ -121,7 +117,7 @@ def _check_edges(points: Array, closed: bool, label: str) -> None:
             f"{len(short)} edges of {label!r} have no length, the first from point {short[0]} at "
             f"{written(points[short[0]])}; leave out points that are given twice"
         )
-    touching = SAME_PLACE * float(np.abs(points).max())
+    touching = ROUND_OFF * float(np.abs(points).max())
     i, j = _near_edges(start, end, touching)
     apart = (j - i > 1) & ~(closed & (i == 0) & (j == len(start) - 1))
     i, j = i[apart], j[apart]

@@ -14,7 +14,7 @@ from skfem_contact.arrays import Array
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.carried import carried
-from skfem_contact.digits import COMPUTED, SOLVED
+from skfem_contact.digits import COMPUTED, SINGLE, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import (
     MotionLike,
@@ -257,10 +257,6 @@ DIFFERENCES = (1e-5, 1e-4)
 #: An angle [rad] between a gradient and central differences, which have some nine digits, that no
 #: round-off explains; it moves a normal by as much. Curvature tells one-sided quotients apart by 1e-5.
 OFF = 1e-3
-#: Newton's steps end with one shorter than `COMPUTED`, over the size of the surface: they square the
-#: error. A point is then on the surface to `SOLVED`, a distance over the size, and closest to this:
-#: central differences give normals with some nine digits.
-STATIONARY = 1e-7
 
 
 @with_known_keywords()
@@ -434,9 +430,7 @@ class LevelSet(Obstacle):
         steep = np.linalg.norm(gradient, axis=1)
         on_surface = np.abs(self._value(y)) <= SOLVED * size * steep
         across = y - x + multiplier[:, None] * gradient
-        stationary = np.linalg.norm(across, axis=1) <= STATIONARY * (
-            size + np.linalg.norm(y - x, axis=1)
-        )
+        stationary = np.linalg.norm(across, axis=1) <= SINGLE * (size + np.linalg.norm(y - x, axis=1))
         return y, on_surface & stationary
 
 

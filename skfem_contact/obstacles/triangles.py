@@ -24,16 +24,13 @@ from skfem_contact.arguments import (
 from skfem_contact.arrays import Array, Index, sizes
 from skfem_contact.bodies.facets import area_vectors, twin_edges
 from skfem_contact.bodies.selection import written
+from skfem_contact.digits import SINGLE
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.bends import cut_triangles
 from skfem_contact.obstacles.obstacle import Faceted, volume
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
 from skfem_contact.trees import pairs_within
-
-#: Corners closer than this part of the extent are one: files give those of every triangle anew, equal
-#: up to the single precision they are written in.
-SAME_CORNER = 1e-7
 
 #: How meshio calls faces that are no plain triangles, or curved ones.
 OTHER_FACES = ("triangle", "quad", "polygon")
@@ -189,7 +186,7 @@ def _given(points: Any, triangles: Any, label: str) -> tuple[Array, Index]:
 
 def _welded(points: Array, triangles: Index) -> tuple[Array, Index]:
     """Corners at one place as one, and only those that a triangle has."""
-    near = SAME_CORNER * float(np.max(np.ptp(points, axis=0)))
+    near = SINGLE * float(np.max(np.ptp(points, axis=0)))
     _, first, equal = np.unique(points, axis=0, return_index=True, return_inverse=True)
     one, equal = points[first], equal.ravel()
     pairs = pairs_within(one, near)
@@ -205,7 +202,7 @@ def _check_triangles(points: Array, triangles: Index, label: str) -> None:
     x = points[triangles]
     sides = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2)
     longest = sides.max(axis=1)
-    flat = np.flatnonzero(sizes(area_vectors(x)) <= SAME_CORNER * longest**2)
+    flat = np.flatnonzero(sizes(area_vectors(x)) <= SINGLE * longest**2)
     if len(flat):
         raise InputError(
             f"{len(flat)} triangles of {label!r} have no area, the first is number {flat[0]} at "
@@ -259,7 +256,7 @@ def _check_shells(points: Array, triangles: Index, hollow: bool, label: str) -> 
     low = np.array([points[part == k].min(axis=0) for k in range(count)])
     high = np.array([points[part == k].max(axis=0) for k in range(count)])
     # by the mean thickness: sheets that close together are one, as corners are
-    flat = 2 * np.abs(volumes) <= SAME_CORNER * np.linalg.norm(high - low, axis=1) * area
+    flat = 2 * np.abs(volumes) <= SINGLE * np.linalg.norm(high - low, axis=1) * area
     if flat.any():
         first = written(points[part == np.argmax(flat)][0])
         raise InputError(

@@ -364,11 +364,16 @@ def _triad(ax: Any, frame: Array, shown: Box, units: Mapping[str, str]) -> float
     start = low - np.minimum(ends.min(axis=0), 0.0)
     height = float(np.ptp(np.append(ends[:, 1], 0.0))) + 0.3 * wish
     start[1] -= height - 0.15 * wish
+    placed: list[Array] = []
     for name, end in zip("xyz", ends, strict=True):
         if np.linalg.norm(end) > 0.1 * length:
             tip = {"arrowstyle": "-|>", "color": LINES, "lw": 0.8, "shrinkA": 0, "shrinkB": 0}
             ax.annotate("", start + end, start, arrowprops=tip, annotation_clip=False)
-            at = start + (1.0 + 0.2 * wish / np.linalg.norm(end)) * end
+            step = 0.2 * wish * end / np.linalg.norm(end)
+            at = start + end + step
+            while any(np.linalg.norm(at - other) < 0.3 * wish for other in placed):
+                at = at + step  # axes that look alike from here have their letters in a row
+            placed.append(at)
             ax.text(*at, name, color=LINES, ha="center", va="center", fontsize="small")
     place = low[0] + float(np.ptp(np.append(ends[:, 0], 0.0))) + 0.5 * wish, low[1] - 0.5 * height
     ax.text(*place, quantity(length, "length", units), va="center", fontsize="small", color=LINES)

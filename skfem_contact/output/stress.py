@@ -18,6 +18,7 @@ from skfem_contact.arguments import check_kind, known_keywords, number, numbers,
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
+from skfem_contact.digits import ROUND_OFF
 from skfem_contact.errors import InputError
 from skfem_contact.output.fields import Stress, body_nodes, checked_field
 from skfem_contact.records import dataclass
@@ -232,9 +233,7 @@ def field_values(result: ContactResult, body: Body, field: Stress) -> Array:
     return np.full((nodes, *nodal_field(result, others[0], field).shape[1:]), np.nan)
 
 
-# Error that is left of a projection, over its size: round-off; and how many products with the mass
-# matrix it may take, of which well-shaped cells need 60 at most.
-PROJECTED = 1e-15
+#: Products with the mass matrix that a projection may take: well-shaped cells need 60 at most.
 PRODUCTS = 400
 
 
@@ -312,7 +311,7 @@ class Projection:
         r = b - M @ x
         z = scale * r
         p, rz = z, np.einsum("ik,ik->k", r, z)
-        least = PROJECTED**2 * np.einsum("ik,ik->k", b, scale * b)
+        least = ROUND_OFF**2 * np.einsum("ik,ik->k", b, scale * b)
         for _ in range(PRODUCTS):
             if np.all(rz <= least):
                 break

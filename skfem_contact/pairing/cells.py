@@ -33,7 +33,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.pairing.clipping import signed_areas
 from skfem_contact.pairing.search import FacetTree, Nodes
-from skfem_contact.pairing.thresholds import FACING, MARGIN, NEWTON_STEPS, SETTLED
+from skfem_contact.pairing.thresholds import FACING, MARGIN, NEWTON_STEPS
 from skfem_contact.pairing.vectors import dot, ragged
 from skfem_contact.records import dataclass
 
@@ -212,7 +212,7 @@ class Cells:
             new = (H - there[1]) / there[0]
             change = np.maximum(np.abs(new - alpha), np.abs(new_X - X).max(axis=0))
             alpha, X = new, new_X
-            if not np.any(change > SETTLED * size):  # nan is beyond the focus
+            if not np.any(change > COMPUTED * size):  # nan is beyond the focus
                 break
         return np.ascontiguousarray(X.T)
 

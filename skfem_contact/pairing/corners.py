@@ -216,7 +216,7 @@ class CornerContacts:
         for k in np.flatnonzero(every | farther):
             own, facet = int(node[k]), met.facet[k]
             other = self.primary.facets[facet], met.shape[k]
-            rows[own] = Row((node[k : k + 1], ONE), other, met.normal[k], facet)
+            rows[own] = Row((node[k : k + 1], np.ones(1)), other, met.normal[k], facet)
             gap[own] = met.gap[k]
         corners, met = self.other
         for k in np.argsort(met.gap, kind="stable")[::-1]:  # the deepest is written last
@@ -231,7 +231,7 @@ class CornerContacts:
             host = there if apart[0] == apart[1] else int(np.argmax(apart))
             if met.gap[k] < apart[host]:
                 own = int(nodes[host])
-                rows[own] = Row((nodes, N), (at, ONE), -met.normal[k], corners.facet[corner])
+                rows[own] = Row((nodes, N), (at, np.ones(1)), -met.normal[k], corners.facet[corner])
                 gap[own], vertex[own] = met.gap[k], at[0]
         return _with_rows(pairing, rows, gap=gap, vertex=vertex, corners=self.names)
 
@@ -285,9 +285,6 @@ def unselected_sides(own: ContactSurface, other: ContactSurface) -> list[tuple[i
     return [
         (int(corners.node[met.corner[k]]), -float(met.gap[k])) for k in np.flatnonzero(outside & deep)
     ]
-
-
-ONE = np.ones(1)
 
 
 class Row(NamedTuple):

@@ -46,7 +46,7 @@ from scipy.sparse import bsr_matrix, csr_matrix
 from skfem_contact.arrays import Array, Index, Mask, angle_between, tangents, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import BENT
-from skfem_contact.digits import GIVEN, SOLVED
+from skfem_contact.digits import GIVEN, ROUND_OFF, SOLVED
 from skfem_contact.pairing.bulges import TINY, Bulges, block_matrix
 from skfem_contact.pairing.closest import overhang, search_range
 from skfem_contact.pairing.dual import DualBasis, dual_basis, node_rows, positive_functions
@@ -61,7 +61,7 @@ from skfem_contact.pairing.supports import (
     slip_rows,
     without_multiplier,
 )
-from skfem_contact.pairing.thresholds import KINK, NO_WEIGHT, SHARE_KEPT, SPREAD
+from skfem_contact.pairing.thresholds import LEAN, SHARE_KEPT, SPREAD
 from skfem_contact.pairing.vectors import assembled, dot, entries, summed, without_round_off
 
 
@@ -147,7 +147,7 @@ def dual_mortar(
     sums = np.asarray(np.bincount(entries(M)[0], M.data, len(paired)), dtype=float)
     W_s, W_m = weights = divided(D, area, paired), divided(M, sums, paired)
     for W in weights:
-        W.data[np.abs(W.data) < NO_WEIGHT] = 0.0
+        W.data[np.abs(W.data) < ROUND_OFF] = 0.0
     W_m.eliminate_zeros()  # those of the secondary name the heirs
     change, smooth, bulge, nearest = smooth_gaps(moments, basis.A, normal, (sums, paired))
     least = least_gaps(pieces, np.asarray(basis.A.any(axis=2)), nearest)
@@ -293,7 +293,7 @@ def mortar_normals(moments: Moments, A: Array, own: Array) -> tuple[Array, Array
     along = np.ones(len(own))
     np.minimum.at(along, node, dot(of_primary[node], mean[:, None]))
     corner = along < np.cos(0.5 * SPREAD)
-    beside = np.any(primary.kinks[primary.facets[moments.f]] > KINK, axis=1)
+    beside = np.any(primary.kinks[primary.facets[moments.f]] > LEAN, axis=1)
     corner[node[beside]] = True
     corner = corner[:, None]
     of_primary = np.where(corner, own, of_primary)
@@ -301,7 +301,7 @@ def mortar_normals(moments: Moments, A: Array, own: Array) -> tuple[Array, Array
     covered = moments.covered
     turned, node = np.zeros(len(own)), secondary.facets[covered]
     np.maximum.at(turned, node, angle_between(secondary.facet_node_normals[covered], -own[node]))
-    sharp = ((turned > GIVEN) | (secondary.kinks > KINK))[:, None]
+    sharp = ((turned > GIVEN) | (secondary.kinks > LEAN))[:, None]
     return np.where(sharp & ~corner, of_primary, own), of_primary
 
 

@@ -30,7 +30,7 @@ from skfem_contact.errors import InputError
 from skfem_contact.pairing.bulges import bulged_nodes
 from skfem_contact.pairing.closest import closest_facets, overhang, search_range
 from skfem_contact.pairing.projection import interpolated_normals
-from skfem_contact.pairing.thresholds import FACING, KINK
+from skfem_contact.pairing.thresholds import FACING, LEAN
 from skfem_contact.pairing.vectors import assembled, dot, entries, ragged
 from skfem_contact.records import dataclass
 from skfem_contact.trees import ODD
@@ -285,14 +285,14 @@ def _node_normals(
         Normals of the primary there.
     """
     own, nodes = -secondary.normals[point], primary.facets[facet]
-    corner = (secondary.sharp_points | (secondary.kinks > KINK))[point, None]
-    sharp, on = primary.sharp_points | (primary.kinks > KINK), shape >= 1 - GIVEN
+    corner = (secondary.sharp_points | (secondary.kinks > LEAN))[point, None]
+    sharp, on = primary.sharp_points | (primary.kinks > LEAN), shape >= 1 - GIVEN
     at_corner = np.any(sharp[nodes] & on, axis=1)
     if primary.dim == 3:
         on_edges = shape[:, primary.kind.edges].sum(axis=2) >= 1 - GIVEN
         at_corner |= np.any(primary.sharp_edges[facet] & on_edges, axis=1)
     # beside a kink the field of normals is on its way to the mean of both parts
-    at_corner = (at_corner | np.any(primary.kinks[nodes] > KINK, axis=1))[:, None]
+    at_corner = (at_corner | np.any(primary.kinks[nodes] > LEAN, axis=1))[:, None]
     return np.where(corner & ~at_corner, feet, own), np.where(at_corner & ~corner, own, feet)
 
 

@@ -22,7 +22,6 @@ from skfem_contact.arrays import Array, Index, Mask, across, cross, sizes, unit
 from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, SOLVED
-from skfem_contact.pairing.thresholds import SETTLED
 from skfem_contact.pairing.vectors import dot, ragged, turned
 from skfem_contact.records import dataclass
 
@@ -137,7 +136,7 @@ def _closest(kind: FacetKind, nodes: Array, points: Array) -> Array:
         curved = np.einsum("pkij,pkd->pijd", kind.second(at), x) if bent is None else _some(bent, on)
         step[on] = _model_minimum(kind, at, apart, along, curved) - at
         xi[on] += step[on]
-        moved = np.abs(step[left]).max(axis=1) > SETTLED
+        moved = np.abs(step[left]).max(axis=1) > COMPUTED  # steps square the error
         left = left[moved]
         if kind.straight or not len(left):
             break
@@ -154,7 +153,7 @@ def _lattice(kind: FacetKind, parts: int) -> Array:
     """Reference coordinates all over a facet, its edges cut into some parts."""
     t = np.linspace(0.0, 1.0, parts + 1)
     xi = np.stack(np.meshgrid(*[t] * kind.dim), axis=-1).reshape(-1, kind.dim)
-    return xi[xi.sum(axis=1) <= 1 + SETTLED] if kind.triangle else xi
+    return xi[xi.sum(axis=1) <= 1 + COMPUTED] if kind.triangle else xi
 
 
 def _model_minimum(kind: FacetKind, xi: Array, apart: Array, along: Array, curved: Array) -> Array:

@@ -18,11 +18,11 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask, sizes, tangents
+from skfem_contact.arrays import Array, Index, Mask, runs, sizes, tangents
 from skfem_contact.bodies.facet_kinds import node_positions
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED
-from skfem_contact.pairing.thresholds import BULGE, FEW_PAIRS, MARGIN, PAIRS_AT_ONCE
+from skfem_contact.pairing.thresholds import BULGE, FEW_PAIRS, MARGIN
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
 
@@ -160,10 +160,9 @@ class FacetTree:
         stack = [(len(levels) - 1, *top)]
         while stack:
             level, item, node = stack.pop()
-            if len(item) > PAIRS_AT_ONCE:
-                blocks = -(-len(item) // PAIRS_AT_ONCE)
-                parts = zip(np.array_split(item, blocks), np.array_split(node, blocks), strict=True)
-                stack.extend((level, *part) for part in parts)
+            parts = runs(len(item), 100)  # what a pair takes, about
+            if len(parts) > 1:
+                stack.extend((level, item[part], node[part]) for part in parts)
                 continue
             keep = meets(item, levels[level].at(node))
             item, node = item[keep], node[keep]

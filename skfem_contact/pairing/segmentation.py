@@ -41,11 +41,11 @@ from functools import cached_property
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, cross, sizes, unit
+from skfem_contact.arrays import Array, Index, cross, runs, sizes, unit
 from skfem_contact.bodies.facet_kinds import KINDS, FacetKind
 from skfem_contact.bodies.facets import area_elements
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import COMPUTED
+from skfem_contact.digits import COMPUTED, ROUND_OFF, SINGLE
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.cells import (
     AFFINE,
@@ -68,9 +68,6 @@ from skfem_contact.pairing.dual import positive_functions
 from skfem_contact.pairing.thresholds import (
     FACING,
     NEWTON_STEPS,
-    NO_WEIGHT,
-    POINTS_AT_ONCE,
-    SQUARED,
 )
 from skfem_contact.pairing.vectors import dot, summed
 from skfem_contact.records import dataclass
@@ -187,9 +184,8 @@ class Segmentation:
                 continue
             whose, simplices = self.pieces.some(mine).simplices(round_middle=kind == SKEW)
             at, w = self._rule(kind, heights)
-            step = max(1, POINTS_AT_ONCE // len(w))
-            for first in range(0, len(whose), step):
-                of, corners = mine[whose[first : first + step]], simplices[first : first + step]
+            for part in runs(len(whose), 500 * len(w)):  # what a point takes, about
+                of, corners = mine[whose[part]], simplices[part]
                 points = self.meet(of, at @ corners)
                 yield of, points, signed_areas(corners)[:, None] * w * self._stretch(of, points)
 
@@ -358,7 +354,7 @@ def _solve(kind: FacetKind, seen: Array, target: Array, eta: Array) -> Array:
         # curved facets end where they fold; half a facet beyond the edge nothing is asked for
         new = np.clip(eta + step, -0.5, 1.5)
         change, eta = np.abs(new - eta).max(initial=0.0), new
-        if change <= SQUARED:
+        if change <= SINGLE:
             break
     return eta
 
@@ -447,4 +443,4 @@ def whole_shares(surface: ContactSurface) -> Array:
         area = area * measure(np.moveaxis(N @ surface.points[surface.facets], -1, 0))
     tests = N @ positive_functions(kind).T
     whole, plain = area @ tests, np.outer(area.sum(axis=1), positive_functions(kind) @ kind.shares)
-    return np.asarray(np.where(whole > NO_WEIGHT * plain, whole, plain))
+    return np.asarray(np.where(whole > ROUND_OFF * plain, whole, plain))

@@ -39,7 +39,7 @@ from skfem_contact.arrays import Array, Index, Mask, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.segmentation import Segmentation
-from skfem_contact.pairing.thresholds import MOVING_SHARE, OVERHANG, SHARE_FREE
+from skfem_contact.pairing.thresholds import FACING, MOVING_SHARE, OVERHANG
 from skfem_contact.pairing.vectors import entries
 from skfem_contact.records import dataclass
 
@@ -142,7 +142,7 @@ def can_move(fixed: Mask, direction: Array) -> Mask:
     [False, True]
     """
     size = np.abs(direction)
-    return np.asarray(np.sum(size * ~fixed, axis=-1) >= SHARE_FREE * size.sum(axis=-1))
+    return np.asarray(np.sum(size * ~fixed, axis=-1) >= FACING * size.sum(axis=-1))
 
 
 def held_rows(sides: Sequence[tuple[csr_matrix, ContactSurface, float]], direction: Array) -> Mask:
@@ -151,7 +151,7 @@ def held_rows(sides: Sequence[tuple[csr_matrix, ContactSurface, float]], directi
     On the secondary a tenth of the weights is enough to move, it is what the row is given up for.
     """
     held = np.ones(len(direction), dtype=bool)
-    for (weights, surface, _), least in zip(sides, (SHARE_FREE, MOVING_SHARE), strict=False):
+    for (weights, surface, _), least in zip(sides, (FACING, MOVING_SHARE), strict=False):
         if not surface.held.any():
             return np.zeros(len(direction), dtype=bool)
         row, node, weight = entries(weights)
@@ -221,7 +221,7 @@ def along_supports(tangent: Array, normal: Array, held: Mask) -> Array:
     # the only one that is held, or the only one that is free
     axis = np.where(count == 1, np.argmax(held, axis=1), np.argmin(held, axis=1))
     across = np.eye(3)[axis] - normal[np.arange(len(normal)), axis][:, None] * normal
-    some = ((count == 1) | (count == 2)) & (np.linalg.norm(across, axis=1) > SHARE_FREE)
+    some = ((count == 1) | (count == 2)) & (np.linalg.norm(across, axis=1) > FACING)
     first = unit(np.where(some[:, None], across, tangent[:, 0]))
     frame = np.stack([first, np.cross(normal, first)], axis=1)
     return np.where(some[:, None, None], frame, tangent)

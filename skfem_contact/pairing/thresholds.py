@@ -9,7 +9,8 @@ from skfem_contact.bodies.thresholds import CORNER
 # -- closest -----------------------------------------------------
 
 # A facet is a candidate if its normal n_p and that of the node, n_s, have n_s . n_p < -FACING:
-# they may be up to 84 degrees off the exactly opposite direction.
+# they may be up to 84 degrees off the exactly opposite direction. So much may a direction be off the
+# free one along which a node at a roller still moves, as in `elimination.pivoting`.
 FACING = 0.1
 
 # Up to this part of a facet the sloping side of a body at the end of a surface decides what is above
@@ -24,7 +25,8 @@ EXTENDED = 0.1
 # Angle [rad] between a facet and the end of the other surface from which on the vertex carries.
 # Below, the vertex is at most this times a facet length deeper than the last node, which is less
 # than the chords of a curve explain. For means over facets, too: one of zero over a facet that leans
-# by 0.09 lets the vertex in by 0.07 of its length.
+# by 0.09 lets the vertex in by 0.07 of its length. A smaller turn beside a straight part may be that of
+# a curve which begins there.
 LEAN = 0.04
 
 # Angle [rad] beyond the normal of a facet that was not selected up to which the vertex still carries:
@@ -61,9 +63,6 @@ WORST_CONDITION = 1e8
 
 # -- node, mortar: normals of both sides -------------------------
 
-# A smaller turn beside a straight part, 2 degrees, may be that of a curve which begins there [rad].
-KINK = float(np.radians(2.0))
-
 # The spread of normals at which a surface has a corner, 45 degrees [rad].
 SPREAD = float(np.arccos(CORNER))
 
@@ -87,13 +86,7 @@ ALONG = 0.5
 
 # -- mortar ------------------------------------------------------
 
-# Weights of a row (their sum is 1) below this are round-off of biorthogonality.
-NO_WEIGHT = 1e-14
-
 # -- search ------------------------------------------------------
-
-# Pairs (item, node of the tree) worked on at once; bounds the memory at some 100 bytes for each.
-PAIRS_AT_ONCE = 1 << 18
 
 # To ask about so many pairs takes no longer than to go through the upper levels of a tree.
 FEW_PAIRS = 1 << 12
@@ -102,10 +95,6 @@ FEW_PAIRS = 1 << 12
 MARGIN = 1e-5
 
 # -- supports ----------------------------------------------------
-
-# A node moves along a direction if its free components are this part of it at least, as in
-# `pivoting`: at a roller this is a direction 84 degrees off the free one.
-SHARE_FREE = 0.1
 
 # A surface moves at a point if nodes that move have this part of the weights there. To close a gap by
 # less is to tear the body: a node next to a clamped one, with a fifth of the weight, by five times
@@ -118,17 +107,7 @@ OVERHANG = 0.25
 
 # -- cells -------------------------------------------------------
 
-# Change of coordinates, in sizes of a cell or face, at which steps to the image of a point along
-# interpolated normals end, and those to the closest point: each step of the first gains the square of
-# the angle between the normals of a cell, two digits and more.
-SETTLED = 1e-13
-
 # -- segmentation ------------------------------------------------
 
-# Newton steps on a curved facet or to an image along normals, and the change, on a facet, of its
-# coordinates at which they end: they square the error, so that what is left after such a change is
-# round-off.
-NEWTON_STEPS, SQUARED = 12, 1e-7
-
-# Quadrature points worked on at once: some 500 bytes for each.
-POINTS_AT_ONCE = 1 << 14
+# Newton steps at most on a curved facet or to an image along normals.
+NEWTON_STEPS = 12

@@ -9,8 +9,7 @@ from scipy.sparse import bsr_matrix, csr_matrix
 
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import COMPUTED
-from skfem_contact.pairing.thresholds import NO_WEIGHT
+from skfem_contact.digits import COMPUTED, ROUND_OFF
 
 
 def dot(v: Array, w: Array) -> Array:
@@ -108,4 +107,4 @@ def without_round_off(
     when the bodies are turned.
     """
     scale = max(np.abs(surface.points).max() for surface in (secondary, primary))
-    return np.where(np.abs(gap) <= np.where(smooth, COMPUTED, NO_WEIGHT) * scale, 0.0, gap)
+    return np.where(np.abs(gap) <= np.where(smooth, COMPUTED, ROUND_OFF) * scale, 0.0, gap)

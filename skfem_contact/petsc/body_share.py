@@ -232,9 +232,6 @@ NAMES = (
     "MatDenseRestoreArrayRead",
 )
 
-# Of MUMPS' settings: which part of the solution is asked for; 0 is that of the eliminated rows alone.
-SOLUTION, ELIMINATED = 26, 0
-
 
 @lru_cache(maxsize=1)
 def _library(path: str) -> Any:
@@ -274,7 +271,7 @@ def leave_schur(PETSc: Any, factors: Any, rows: Index) -> None:
 
 def solve_eliminated(factors: Any) -> None:
     """Let solves be with the eliminated rows alone; to be said once the factors are there."""
-    factors.setMumpsIcntl(SOLUTION, ELIMINATED)
+    factors.setMumpsIcntl(26, 0)  # which part of the solution is asked for: that of these rows alone
 
 
 def schur_complement(PETSc: Any, factors: Any, n: int) -> Array:

@@ -26,11 +26,11 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, runs
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.digits import COMPUTED
 from skfem_contact.problem.response import Resistance
-from skfem_contact.problem.thresholds import GIVE, ROWS_AT_ONCE
+from skfem_contact.problem.thresholds import GIVE
 
 
 def spring_compliance(kin: Kinematics, slips: bool, compliance: Callable[[csr_matrix], Array]) -> Array:
@@ -169,9 +169,7 @@ def _resistance(normal: Array, tangential: Array) -> Resistance:
 def _blocks(B: csr_matrix, size: int, flexibility: Callable[[csr_matrix], csr_matrix | Array]) -> Array:
     """Diagonal blocks (m, size, size) of ``B F B'``, of a few rows at a time."""
     out = np.zeros((B.shape[0] // size, size, size))
-    some = max(1, ROWS_AT_ONCE // size)
-    for first in range(0, len(out), some):
-        points = slice(first, min(first + some, len(out)))
+    for points in runs(len(out), 8 * size * B.shape[1]):
         rows = csr_matrix(B[points.start * size : points.stop * size])
         W = _dense(flexibility(rows) @ rows.T)
         count = points.stop - points.start

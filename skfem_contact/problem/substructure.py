@@ -21,15 +21,15 @@ from skfem_contact.arrays import Array, Index, block_diagonal, same, sizes
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member, largest
 from skfem_contact.bodies.system import System, slices
+from skfem_contact.digits import ROUND_OFF
 from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.linalg.backend import Backend, BodyFactor
 from skfem_contact.linalg.dense_factors import NoPivot, cholesky, lu
 from skfem_contact.linalg.direct import Direct, IndefiniteFactor
 from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
 from skfem_contact.linalg.multifrontal.ordering import nodes_of
-from skfem_contact.linalg.thresholds import NO_PIVOT
 from skfem_contact.once import Lock, once
-from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS, SAME_LOAD
+from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS
 from skfem_contact.records import dataclass
 
 logger = logging.getLogger("skfem_contact")
@@ -109,7 +109,7 @@ class LoadSpan:
         again = Q.T.dot(rest)  # once more: the first pass leaves round-off of |b|
         c, rest = c + again, rest - _combined(Q, again)
         size = math.sqrt(rest.dot(rest))
-        if size <= SAME_LOAD * math.sqrt(b.dot(b)):
+        if size <= ROUND_OFF * math.sqrt(b.dot(b)):
             self._last = load, b, c
             return c
         if Q.shape[1] >= MOST_DIRECTIONS:
@@ -304,7 +304,7 @@ class Substructure:
         S = self.S.copy()  # what Cholesky began with is lost
         S[np.diag_indices_from(S)] += springs
         factors = lu(S)
-        if not factors.even(NO_PIVOT):
+        if not factors.even(ROUND_OFF):
             raise SingularMatrix("a body that is not stable moves without resistance")
         return factors.solve(np.eye(len(S)))
 

@@ -83,9 +83,6 @@ KEPT_BESIDE = 64_000_000
 
 # -- springs -----------------------------------------------------
 
-# Rows whose flexibility is formed at a time: a small part of the dense problem's memory.
-ROWS_AT_ONCE = 256
-
 # K's diagonal knows nothing of what gives way around a node: of the resistance of a contact point it
 # makes 1.2 to 3.6 times along the normal and 1.6 to 6.4 times across (hexahedra, thick and thin blocks,
 # matching or not). On all DOFs, where nothing better is at hand, a third of it is taken.
@@ -99,9 +96,6 @@ STIFFER = 3.0
 GIVE = 3e-3
 
 # -- substructure ------------------------------------------------
-
-# What is left of a load once its parts along known ones are taken off twice, over all of it: round-off.
-SAME_LOAD = 4e-15
 
 # Ratio of singular values of the rigid modes on some DOFs above which these hold the body firmly.
 HELD_FIRMLY = 1e-2

@@ -15,8 +15,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import PAIRS_AT_ONCE, PIECES
-from skfem_contact.arrays import Array, Index, Mask, off_segments
+from skfem_contact.answers.thresholds import PIECES
+from skfem_contact.arrays import AT_ONCE, Array, Index, Mask, off_segments
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
 from skfem_contact.bodies.facets import seen_from_outside
@@ -149,9 +149,7 @@ class Boundary:
         near = self._met_by(points, np.max(out, initial=0.0))
         candidates = Tree(middle[near]).query_ball_point(points, out + np.max(radius[near]))
         count = np.array([len(found) for found in candidates], dtype=np.intp)
-        for some in np.array_split(np.arange(len(points)), 1 + count.sum() // PAIRS_AT_ONCE):
-            if not len(some):
-                continue
+        for some in _blocks(count):
             row = np.repeat(some, count[some])
             which = near[np.concatenate([np.asarray(candidates[k], dtype=np.intp) for k in some])]
             away = np.linalg.norm(points[row] - middle[which], axis=1)
@@ -282,9 +280,9 @@ def _to_simplices(points: Array, corners: Array) -> Array:
 
 
 def _blocks(count: Index) -> list[Index]:
-    """Simplices in parts that have not too many pairs, from how many each has."""
-    ends = np.cumsum(count)
-    parts = np.arange(PAIRS_AT_ONCE, ends[-1], PAIRS_AT_ONCE)
+    """Items in parts whose pairs are compared at once, from how many each has."""
+    ends, most = np.cumsum(count), AT_ONCE // 100  # what a pair takes, about
+    parts = np.arange(most, ends[-1:].sum(), most)
     return np.split(np.arange(len(count)), np.searchsorted(ends, parts))
 
 

@@ -21,10 +21,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.dense_factors import blocks
 from skfem_contact.linalg.multifrontal.ordering import borders, dissect
-from skfem_contact.linalg.thresholds import LEAF, SYMMETRIC_TO
+from skfem_contact.linalg.thresholds import LEAF
 from skfem_contact.records import dataclass
 
 
@@ -240,7 +241,7 @@ def checked_matrix(
     x[rows], y[rows] = np.random.default_rng(0).standard_normal((2, n))
     # x'Ky of random x and y is about as large as the Frobenius norm; cheaper than K - K.T
     difference, size = abs(x @ (K @ y) - y @ (K @ x)), np.linalg.norm(K.data)
-    if difference > SYMMETRIC_TO * size:
+    if difference > SOLVED * size:
         raise InputError(
             f"K is not symmetric: x'Ky and y'Kx differ by {difference / size:.1e} of |K| "
             "for random x and y. Both triangles must be stored; otherwise use another solver."
