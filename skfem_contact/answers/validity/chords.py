@@ -110,7 +110,7 @@ def drawn_off(surface: ContactSurface) -> float:
         start, end, middle = ([0], [1], [2]) if surface.dim == 2 else kind.edges.T
         off = np.linalg.norm(x[:, middle] - 0.5 * (x[:, start] + x[:, end]), axis=2).max(axis=1)
         parts = PIECES if surface.dim == 2 else 2
-        straight = np.where(kinked_facets(surface), 0.0, height)
+        straight = np.where(kinked_edges(surface).any(axis=1), 0.0, height)
         curved = bowed_facets(surface.points, surface.facets, kind)
         height = np.where(curved, off / parts**2, straight)
     return float(np.max(height))
@@ -150,15 +150,21 @@ def bends(surface: ContactSurface) -> tuple[Array, Array]:
     (False, (4, 4, 3))
     """
     x = surface.points[surface.facets[:, : surface.kind.corners]]
-    edges = np.roll(x, -1, axis=1) - x
+    edges, bend, kinked = np.roll(x, -1, axis=1) - x, curvatures(surface), kinked_edges(surface)
     if surface.dim == 2:
         edges = edges[:, :1] * (surface.lengths / np.linalg.norm(edges[:, 0], axis=1))[:, None, None]
-    bend = np.where(kinked_facets(surface)[:, None, None], 0.0, curvatures(surface))
-    if not (surface.quadratic and (surface.dim == 2 or bend.any())):
-        return bend, edges if bend.any() or not surface.quadratic else 0.5 * edges
+        bend[kinked.any(axis=1)] = 0.0
+    elif bend.any() and kinked.any():
+        for way in np.moveaxis(kinked[..., None] * edges, 1, 0):  # faces do not bend along these
+            along = way / np.maximum(np.linalg.norm(way, axis=1), np.finfo(float).tiny)[:, None]
+            across = np.eye(3) - along[:, :, None] * along[:, None, :]
+            bend = across @ bend @ across
+    if not surface.quadratic:
+        return bend, edges
     # a facet with its middle nodes on the curve has two parts
-    curved = bowed_facets(surface.points, surface.facets, surface.kind)
-    return bend, np.where(curved[:, None, None], 0.5, 1.0) * edges
+    halved = bowed_facets(surface.points, surface.facets, surface.kind)
+    halved |= surface.dim == 3 and not bend.any()
+    return bend, np.where(halved[:, None, None], 0.5, 1.0) * edges
 
 
 def curvatures(surface: ContactSurface) -> Array:
@@ -192,20 +198,17 @@ def curvatures(surface: ContactSurface) -> Array:
     return np.asarray(0.5 * (K + np.swapaxes(K, 1, 2)))
 
 
-def kinked_facets(surface: ContactSurface) -> Mask:
-    """Facets that are no pieces of a curve, and not straight either, shape (nf,).
+def kinked_edges(surface: ContactSurface) -> Mask:
+    """Edges of facets, of lines both ends, that are no pieces of a curve and not straight, (nf, c).
 
-    Of a polygon of less than 16 sides, in the mean over their corners; or with an edge that the smooth
-    boundary leaves at one end alone: beside a kink, and where the surface ends.
+    Those of a polygon of less than 16 sides, and those that the smooth boundary leaves at one end
+    alone: beside a kink, and where the surface ends.
     """
     corners = surface.facets[:, : surface.kind.corners]
-    x, n = surface.points[corners], surface.facet_node_normals[:, : surface.kind.corners]
-    edges, up = np.roll(x, -1, axis=1) - x, dot(n, surface.facet_normals[:, None])
+    n, up = surface.facet_node_normals[:, : surface.kind.corners], surface.facet_normals[:, None]
+    edges = np.roll(surface.points[corners], -1, axis=1) - surface.points[corners]
     edges /= np.linalg.norm(edges, axis=2, keepdims=True)
-    ahead, back = (
-        np.abs(dot(n, along)) / np.maximum(up, COMPUTED) for along in (edges, np.roll(edges, 1, axis=1))
-    )
-    ends = ahead, np.roll(back, -1, axis=1)
-    least, most = np.minimum(*ends), np.maximum(*ends)
-    kinked = np.any((least < STRAIGHT * most) & (most > BENT), axis=1)
-    return np.asarray(kinked | (np.maximum(ahead, back).mean(axis=1) > STEEPEST))
+    up = np.maximum(dot(n, up), COMPUTED)
+    ends = dot(n, edges) / up, dot(np.roll(n, -1, axis=1), edges) / np.roll(up, -1, axis=1)
+    least, most = (which(*np.abs(ends)) for which in (np.minimum, np.maximum))
+    return np.asarray((most > BENT) & (least < STRAIGHT * most) | (most > STEEPEST))

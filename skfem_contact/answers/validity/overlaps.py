@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 
 from skfem_contact.answers.thresholds import A_TENTH, OVERLAP, SAGITTA
-from skfem_contact.answers.validity.chords import bends, drawn_off, kinked_facets
+from skfem_contact.answers.validity.chords import bends, drawn_off, kinked_edges
 from skfem_contact.answers.validity.deformed_boundaries import (
     Boundary,
     BoundaryNodes,
@@ -348,7 +348,7 @@ def leaning_faces(secondary: ContactSurface, outline: ContactSurface) -> Mask:
     size = LARGER * float(np.median(secondary.lengths))
     corners = outline.facet_node_normals[:, : outline.kind.corners]
     off = np.linalg.norm(corners - outline.facet_normals[:, None], axis=2).max(axis=1)
-    return kinked_facets(outline) & (off > A_TENTH) & (outline.lengths > size)
+    return kinked_edges(outline).any(axis=1) & (off > A_TENTH) & (outline.lengths > size)
 
 
 def leaning_words(geometry: Geometry, i: int, state: State, case: LoadCase, u: Array) -> str:
