@@ -121,7 +121,7 @@ OVERLAP = 0.35
 # 7 % where facets fall away by less.
 ALONE = 0.25
 
-# -- tangent.sides -----------------------------------------------
+# -- tangent.rates -----------------------------------------------
 
 # Changes of states, by point with a kink, before a derivative to one side is given up: directions of
 # friction are found in a handful.
