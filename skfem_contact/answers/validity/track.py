@@ -414,10 +414,10 @@ class Rim:
         start, end = self.corners[near, 0], self.corners[near, -1]
         away = off_segments(points[:, None], start, end - start)
         distance = np.linalg.norm(away, axis=2)
-        # of two edges that meet at the nearest corner the one that the point is farther out of
+        # where two edges meet at the nearest corner the sum of both tells, of notches and holes as well
         out = np.sum(away * self.outward[near], axis=2)
         nearest = distance <= distance.min(axis=1, keepdims=True) * (1 + SOLVED)
-        out = np.where(nearest, out, -np.inf).max(axis=1)
+        out = np.sum(out, axis=1, where=nearest)
         return np.where(out > 0, 1.0, -1.0) * distance.min(axis=1)
 
 

@@ -120,7 +120,11 @@ def _way_out(part: ContactValidity, contact: Contact, meeting: Meeting) -> str:
         far = "Enlarge `reach`, or give" if contact.reach is not None else "Give"
         return f"{far} the contact sliding='finite'"
     if isinstance(contact.primary, Obstacle):
-        return "Refine the surface, whose facets are too long for what presses between their nodes"
+        finer = "Refine the surface, whose facets are too long for what presses between their nodes"
+        if meeting.side == 0:
+            return finer
+        drawn = f"Where the straight pieces of {contact.primary.label!r} stand for a curve (STL), give it"
+        return f"{drawn} shorter ones, four or more across the contact. Otherwise: {finer.lower()}"
     if part.drift.slip >= part.overlap:  # a slip goes no deeper than it is long
         return "Give the contact sliding='finite'"
     if contact.method == "node":
