@@ -100,6 +100,8 @@ class Track:
             self.width[self.secondary.facets[:, :2][self.secondary.twins < 0]] *= 2.0
         self.added = np.where(self.paired, gap0 + own - gap, 0.0)
         self.follows, self.nodal = not contact.tied, contact.method == "node"
+        # a turn that is linear stretches what is glued: linear bodies do not feel it
+        self.stretched = contact.tied and getattr(self.secondary.body, "finite_strain", False)
         self.by_node = _by_node(pairing)
         self.curved = False
         # a gap that is given, or zero as meshed, knows the curves
@@ -275,6 +277,10 @@ class Track:
         found: dict[str, Any] = {}
         moved = np.linalg.norm(motion.shift(self.points), axis=1)
         found["motion"] = float(np.max(moved[closed], initial=0.0))
+        if self.stretched and tool is not None:
+            off = np.linalg.norm(motion.shift(self.points) - carried, axis=1)
+            error = float(np.max(off[closed], initial=0.0))
+            found |= {"gap_error": error, "gap_share": error / approach if approach > 0 else 0.0}
         if not self.follows or (isinstance(obstacle, RigidPlane) and not motion.turns):
             return found
         gap = np.where(self.paired, gap, 0.0)  # without a partner there is none

@@ -176,7 +176,7 @@ class Diagnostics:
     undetected : dict
         What is to be said of obstacles that conditions do not see, by the contact's number.
     leaning : dict
-        What moments of second order change of the motion of rigid bodies, over that motion, by name.
+        `Validity.second_order`.
     stretches : dict
         How far supports move against each other, over the extent of their body, by name.
     meetings : dict
@@ -290,7 +290,8 @@ class Validity(NamesAttributes):
         "second order") and name of the contact or body.
     second_order : dict of float
         What the moments of second order that small sliding leaves out would change of the motion of
-        rigid bodies that may turn, over that motion.
+        rigid bodies that may turn, over that motion; and the moments that linear bodies leave out
+        which turn and slide far, over what friction can hold.
     locking : dict of float
         Of bodies that are nearly incompressible, the share of the energy that neighbouring elements
         take back, see `locking`.
@@ -369,7 +370,7 @@ class Validity(NamesAttributes):
             )
         for name, share in self.second_order.items():
             lines.append(
-                f"  {name}: moments of second order would change its motion by {100 * share:.2g} % "
+                f"  {name}: moments of second order that are left out {100 * share:.2g} % "
                 f"(up to {100 * A_TENTH:g} %)"
             )
         return "\n".join(lines)

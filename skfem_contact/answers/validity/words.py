@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from skfem_contact.answers.thresholds import A_TENTH, LOCKED
@@ -14,8 +16,8 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.obstacles.obstacle import Obstacle
 
 
-def sliding_words(drift: Drift) -> str:
-    """Say what small sliding does wrong, and what to do."""
+def sliding_words(drift: Drift, turning: Sequence[str] = ()) -> str:
+    """Say what small sliding does wrong, and what to do; with linear bodies that turn."""
     found = []
     if drift.slides_far:
         found.append(
@@ -47,9 +49,17 @@ def sliding_words(drift: Drift) -> str:
         )
     if drift.motion and not drift.slides_far:
         found.append(f"the obstacle has moved by {drift.motion:.3g}")
+    out = "Give the contact sliding='finite'."
+    if turning:
+        names = ", ".join(map(repr, turning))
+        out = (
+            f"A linear body that turns, as {names} does, has wrong torques with sliding='finite' as "
+            "well: take a NonlinearBody or a RigidBody in its place, and sliding='finite' in all of "
+            "its contacts."
+        )
     return (
         "small sliding, which keeps partners, normals and gaps of the undeformed bodies, does not "
-        "follow: " + "; ".join(found) + ". Give the contact sliding='finite'."
+        "follow: " + "; ".join(found) + f". {out}"
     )
 
 
