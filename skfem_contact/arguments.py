@@ -6,6 +6,7 @@ import dataclasses
 import difflib
 import functools
 import inspect
+import math
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
@@ -132,6 +133,19 @@ def number(value: Any, what: str, usage: str) -> float:
     if array.shape:
         raise InputError(f"{what} has shape {array.shape} and has to be one number; {usage}")
     return float(array)
+
+
+def whole_number(value: Any, what: str, least: int, most: float = math.inf) -> None:
+    """A whole number within bounds.
+
+    >>> whole_number(2.0, "steps", 1)
+    Traceback (most recent call last):
+        ...
+    skfem_contact.errors.InputError: steps is 2.0; give a whole number from 1 on
+    """
+    if not isinstance(value, int | np.integer) or not least <= value <= most:
+        bounds = f"from {least} on" if math.isinf(most) else f"from {least} to {most}"
+        raise InputError(f"{what} is {shown(value)}; give a whole number {bounds}")
 
 
 def check_name(value: Any, what: str) -> None:

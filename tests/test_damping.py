@@ -276,9 +276,9 @@ def test_wrong_questions_are_refused():
     cases = {
         "amplitudes = 0": lambda: solver.damping(result, modes, 0),
         "give a list of lengths above zero": lambda: solver.damping(result, modes, [np.nan]),
-        "mode = 1; there are 1": lambda: solver.damping(result, modes, [1.0], mode=1),
-        "steps = 1; give a number from 2 on": lambda: solver.damping(result, modes, [1.0], steps=1),
-        "cycles = 0": lambda: solver.damping(result, modes, [1.0], cycles=0),
+        "mode is 1; give a whole number from 0 to 0": lambda: solver.damping(result, modes, [1.0], mode=1),
+        "steps is 1; give a whole number from 2 on": lambda: solver.damping(result, modes, [1.0], steps=1),
+        "cycles is 0": lambda: solver.damping(result, modes, [1.0], cycles=0),
         "mode 0 is a rigid motion": lambda: solver.damping(result, still, [1.0]),
         "those of other bodies": lambda: solver.damping(result, other, [1.0]),
         "modes is": lambda: solver.damping(result, result, [1.0]),

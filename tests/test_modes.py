@@ -330,7 +330,7 @@ def test_wrong_questions_are_refused():
     bare = bar(0, 4, 8, sc.Elastic(1.0, 0.3), name="bare")
     cases = {
         r"slipping='away'; slipping points may be stuck": lambda: solver.modes(result, slipping="away"),
-        "n = 0": lambda: solver.modes(result, 0),
+        "n is 0": lambda: solver.modes(result, 0),
         "modes of .* DOFs that are free": lambda: solver.modes(result, 10**4),
         "no mass is given of 'bare'": lambda: alone(bare, 2),
         "by volume is positive": lambda: bar(0, 1, 2, mass=-1.0).mass,

@@ -335,6 +335,13 @@ def test_the_way_to_the_rim():
     assert np.all(rim.at_least(x) <= np.abs(rim.beyond(x)) + 1e-12)
     ball = Rim.of(body(cube("quad4", 2, onto_ball), "quad4").surface(None))
     assert np.all(np.isinf(ball.at_least(x)))
+    # level with the corner of a square hole, from where both of its sides are equally far
+    x = np.linspace(-3, 3, 7)
+    plate = fem.MeshHex.init_tensor(x, x, [0.0, 1.0])
+    plate = plate.restrict(plate.elements_satisfying(lambda x: abs(x[:2]).max(axis=0) > 1))
+    rim = Rim.of(body(plate, "quad4").surface(at(2, 1.0)))
+    level = np.array([[1.8, 1.0 + side, 1.0] for side in (-1e-6, 0.0, 1e-6)])
+    np.testing.assert_allclose(rim.beyond(level), -0.8, rtol=1e-9)
 
 
 def test_a_body_that_turns_as_it_slides_far():

@@ -165,7 +165,7 @@ class ByContact(OfTheContact):
     @cached_property
     def values(self) -> tuple[ContactValues, ...]:
         """The answer of every contact, in the order given."""
-        parts = enumerate(self._answer.slices())
+        parts = enumerate(self._answer.model.interface.point_slices)
         return tuple(_values(self._answer, i, part) for i, part in parts)
 
     def __getitem__(self, key: Contact | str | int) -> ContactValues:

@@ -101,7 +101,7 @@ SUPPORTED = 1e-3
 # end of a wedge that is driven in it is 0.28, whatever the mesh, with forces that are right to 1e-3.
 OVERLAP = 0.35
 
-# -- tangent.sides -----------------------------------------------
+# -- tangent.rates -----------------------------------------------
 
 # Changes of states, by point with a kink, before a derivative to one side is given up: directions of
 # friction are found in a handful.

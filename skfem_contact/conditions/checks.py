@@ -135,10 +135,11 @@ def warn_redundant_glue(contact: Contact, pairing: Pairing) -> None:
 
 
 def warn_bridged(contact: Contact, pairing: Pairing) -> None:
-    """Warn of glue that holds near and far points, and of gaps that `adjust` takes for none.
+    """Warn of glue that holds near and far points or too few, and of gaps that `adjust` takes for none.
 
     Without `reach` glue holds all that faces the other side. At one distance all over it is a link, and
-    on an obstacle a rigid arm: both may be meant.
+    on an obstacle a rigid arm: both may be meant. Points beyond the end of the other side have no
+    partner in many a joint; of those that nothing faces at all somebody has thought that they are held.
 
     Warns
     -----
@@ -154,6 +155,15 @@ def warn_bridged(contact: Contact, pairing: Pairing) -> None:
             f"other side, where the extent of the smaller body is {size:.6g}: all that faces it is "
             "held as it is meshed, far or near. Usually only what is near is to be glued: give "
             "`reach`, the largest distance of what is, or the part of the boundary."
+        )
+    elif contact.tied and contact.reach is None and np.isinf(pairing.miss).any():
+        lost = np.flatnonzero(np.isinf(pairing.miss))
+        warn(
+            f"Contact {contact.label} glues {len(gap)} of {len(pairing.gap)} points, and nothing of "
+            f"the other side faces {len(lost)}, which are free; the first is point {lost[0]} at "
+            f"{written(contact.secondary.points[lost[0]])}. Usually the two sides are not the same "
+            "shape in the same place, or the boundary has facets that are not meant: give the part of "
+            "it that is, or `reach`, the largest distance of what is."
         )
     closed = np.abs(gap[np.abs(gap) <= contact.adjust])
     if contact.adjust and len(closed) and closed.max() > BRIDGED * size:

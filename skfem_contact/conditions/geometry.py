@@ -43,13 +43,14 @@ from skfem_contact.conditions.kinematics import (
     kinematics,
     prescribed_rows,
 )
-from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN, Identity, LocalState, transport
-from skfem_contact.obstacles.obstacle import spin
+from skfem_contact.obstacles.obstacle import rotation_matrix, spin
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.pairing.node import Pairing
+from skfem_contact.pairing.vectors import dot
 
 
 class Geometry:
@@ -142,6 +143,9 @@ class Geometry:
             if contact.sliding == "small":
                 parts.append(self._first[i])
                 continue
+            if contact.tied and contact.rigid:
+                parts.append(self._glued(i, u, case))
+                continue
             moved = [u[self.system.slice(contact.secondary.body)]]
             primary = contact.primary
             if isinstance(primary, ContactSurface):
@@ -159,6 +163,35 @@ class Geometry:
             kin = kinematics(self.system, contact, pairing, gap, about)
             parts.append(replace(kin, corners=(pairing.corners | known,)))
         return join(parts)
+
+    def _glued(self, i: int, u: Array, case: LoadCase) -> Kinematics:
+        """Glue on an obstacle that moves: points and frames where it has carried those at the start.
+
+        Not those that are nearest now, of which one turn after another would lead away.
+        """
+        contact, first, motion = self.contacts[i], self.pairings[i], self._motion(i, u, case)
+        turn = rotation_matrix(motion.angle).T
+        pairing = replace(
+            first,
+            points=first.points + motion.shift(first.points),
+            normal=first.normal @ turn,
+            tangent=first.tangent @ turn,
+        )
+        gap = first.gap + self._offsets[i] - case.interference[self.point_slices[i]]
+        gap = gap + dot(pairing.normal, self._torn(i, u, case))
+        about = None if contact.rigid_body is None else motion.translation
+        return kinematics(self.system, contact, pairing, gap, about)
+
+    def _torn(self, i: int, u: Array, case: LoadCase) -> Array:
+        """How far points glued to an obstacle are from where it has carried them, (m, d) [length]."""
+        first, side = self.pairings[i], self.contacts[i].secondary
+        moved = first.secondary_weights @ u[self.system.slice(side.body)][side.dofs]
+        return np.asarray(moved - self._motion(i, u, case).shift(first.action))
+
+    def _motion(self, i: int, u: Array, case: LoadCase) -> Motion:
+        """Of the obstacle or rigid body of a contact."""
+        tool = self.contacts[i].rigid_body
+        return case.motion[i] if tool is None else Motion(*as_motion(self.system, tool, u))
 
     @cached_property
     def _offsets(self) -> list[Array]:
@@ -183,7 +216,12 @@ class Geometry:
         u_n = self.spread(last.surface)
         slip0 = last.slip - (kin.B_t @ u_n).reshape(last.slip.shape)
         for i, part in enumerate(self.point_slices):
-            if self.contacts[i].rigid:
+            if self.contacts[i].rigid and self.contacts[i].tied:
+                if self.contacts[i].sliding == "finite":
+                    torn = np.einsum("ikd,id->ik", kin.axes[part], self._torn(i, u, case))
+                    rows = slice(part.start * kin.tangents, part.stop * kin.tangents)
+                    slip0[part] = torn - (kin.B_t[rows] @ u).reshape(torn.shape)
+            elif self.contacts[i].rigid:
                 step = case.motion[i].slid(before.motion[i], kin.action[part])
                 step += self._spun(i, kin, u_n, u)
                 slip0[part] -= np.einsum("ikd,id->ik", kin.axes[part], step)

@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.tangent.modes import Modes, mass
-from skfem_contact.arguments import check_kind, numbers, shown
+from skfem_contact.arguments import check_kind, numbers, shown, whole_number
 from skfem_contact.arrays import Array
 from skfem_contact.assemblies.joints import aligned
 from skfem_contact.carried import copied
@@ -113,19 +113,15 @@ class Damping:
         return np.column_stack([np.append(down, -down[1:]), self.loops[i][:, 1]])
 
     def __repr__(self) -> str:
-        head = ["amplitude", "frequency", "damping", "energy", "by Masing", "friction lost", "cycles"]
-        columns = self.amplitude, self.frequency, self.damping, self.energy, self.masing
-        rows = [
-            [f"{value:.6g}" for value in row] + [f"{cycles}" + " (open)" * (not closed)]
-            for *row, cycles, closed in zip(
-                *columns, self.dissipation, self.cycles, self.closed, strict=True
-            )
-        ]
-        for name, change in self.bolts.items():
-            head.append(f"force of {name}")
-            rows = [[*row, f"{value:+.6g}"] for row, value in zip(rows, change, strict=True)]
-        table = indent(aligned([head, *rows], [False] * len(head)), "  ")
-        return f"damping of a mode of frequency {self.linear:.6g}\n{table}"
+        columns = {"amplitude": self.amplitude, "frequency": self.frequency, "damping": self.damping}
+        columns |= {"energy": self.energy, "by Masing": self.masing, "friction lost": self.dissipation}
+        words = {name: [f"{value:.6g}" for value in own] for name, own in columns.items()}
+        ends = zip(self.cycles, self.closed, strict=True)
+        words["cycles"] = [f"{count}" + " (open)" * (not done) for count, done in ends]
+        changes = self.bolts.items()
+        words |= {f"force of {name}": [f"{value:+.6g}" for value in own] for name, own in changes}
+        table = aligned([list(words), *zip(*words.values(), strict=True)], [False] * len(words))
+        return f"damping of a mode of frequency {self.linear:.6g}\n{indent(table, '  ')}"
 
 
 def damping(
@@ -138,25 +134,16 @@ def damping(
     cycles: int,
 ) -> Damping:
     """See `ContactSolver.damping`."""
-    asked = _checked(modes, amplitudes, i, result, steps, cycles)
+    asked = _checked(modes, amplitudes, i, result)
+    whole_number(steps, "steps", 2)
+    whole_number(cycles, "cycles", 1)
     system, linear = answer_of(result).system, float(modes.frequency[i])
     shape = modes.shapes[i] / np.abs(modes.shapes[i]).max()
     inertia = mass(system) @ shape
     m = float(shape @ inertia)
-    spring = m * (2 * np.pi * linear) ** 2
-    found = [_cycled(solver, result, inertia / m, spring * w, steps, cycles) for w in asked]
-    loops, first, count, closed, lost, last = zip(*found, strict=True)
-    sines = np.pi / steps * np.sin(np.pi / steps * np.arange(2 * steps + 1))
-    peak = spring * asked
-    # half of the way between both peaks: loops that drift, or lie aside, have a middle of their own
-    amplitude = np.array([0.5 * (loop[0, 0] - loop[steps, 0]) for loop in loops])
-    energy = peak * [loop[:, 0] @ sines for loop in loops]
-    masing = 2 * peak * [(w[-1, 0] - 2 * w[:, 0]) @ sines[: steps + 1] for w in first]
-    energy, masing = (np.where(np.abs(e) > SOLVED * peak * amplitude, e, 0.0) for e in (energy, masing))
-    frequency = np.sqrt(peak / (m * amplitude)) / (2 * np.pi)
-    known = result.bolts
-    bolts = {name: np.array([r.bolts[name].force - known[name].force for r in last]) for name in known}
-    ratio = energy / (2 * np.pi * peak * amplitude)
+    peak = m * (2 * np.pi * linear) ** 2 * asked
+    cycled = [_cycled(solver, result, inertia / m, force, steps, cycles) for force in peak]
+    loops, first, count, closed, last = map(list, zip(*cycled, strict=True))
     if not all(closed):
         some = ", ".join(f"{w:.6g}" for w, done in zip(asked, closed, strict=True) if not done)
         warn(
@@ -164,22 +151,36 @@ def damping(
             "Let more cycles pass, damping(..., cycles=...), or begin from a result that has been "
             "through some."
         )
+    # half of the way between both peaks: loops that drift, or lie aside, have a middle of their own
+    amplitude = np.array([0.5 * (loop[0, 0] - loop[steps, 0]) for loop in loops])
+    sines = np.pi / steps * np.sin(np.pi / steps * np.arange(2 * steps + 1))
+    energy = peak * [loop[:, 0] @ sines for loop in loops]
+    masing = 2 * peak * [(w[-1, 0] - 2 * w[:, 0]) @ sines[: steps + 1] for w in first]
+    energy, masing = (np.where(np.abs(e) > SOLVED * peak * amplitude, e, 0.0) for e in (energy, masing))
+    tight = {
+        name: [r[-1].bolts[name].force - bolt.force for r in last]
+        for name, bolt in result.bolts.items()
+    }
     return Damping(
-        linear, amplitude, frequency, energy, ratio, masing, np.array(lost), np.array(count),
-        np.array(closed), list(loops), list(first), bolts,
-    )  # fmt: skip
+        linear=linear,
+        amplitude=amplitude,
+        frequency=np.sqrt(peak / (m * amplitude)) / (2 * np.pi),
+        energy=energy,
+        damping=energy / (2 * np.pi * peak * amplitude),
+        masing=masing,
+        dissipation=np.array([sum(r.dissipation for r in own) for own in last]),
+        cycles=np.array(count),
+        closed=np.array(closed),
+        loops=loops,
+        first=first,
+        bolts={name: np.array(own) for name, own in tight.items()},
+    )
 
 
-def _checked(
-    modes: Modes, amplitudes: ArrayLike, i: int, result: ContactResult, steps: int, cycles: int
-) -> Array:
+def _checked(modes: Modes, amplitudes: ArrayLike, i: int, result: ContactResult) -> Array:
     check_kind(result, ContactResult, "result", "give one of solve() or history()")
     check_kind(modes, Modes, "modes", "give what modes(result) found")
-    for name, value, least in (("steps", steps, 2), ("cycles", cycles, 1)):
-        if not isinstance(value, int | np.integer) or value < least:
-            raise InputError(f"{name} = {shown(value)}; give a number from {least} on")
-    if not isinstance(i, int | np.integer) or not 0 <= i < len(modes.frequency):
-        raise InputError(f"mode = {shown(i)}; there are {len(modes.frequency)}, counted from 0")
+    whole_number(i, "mode", 0, len(modes.frequency) - 1)
     if modes.shapes.shape[1] != answer_of(result).system.n:
         raise InputError("modes are those of other bodies: give modes of this result")
     if np.iscomplexobj(modes.shapes[i]) or modes.growth[i] or not modes.frequency[i]:
@@ -195,8 +196,8 @@ def _checked(
 
 def _cycled(
     solver: Any, start: ContactResult, row: Array, peak: float, steps: int, cycles: int
-) -> tuple[Array, Array, int, bool, float, ContactResult]:
-    """Loop, first loading, cycles, whether they closed, energy lost, and the last result."""
+) -> tuple[Array, Array, int, bool, list[ContactResult]]:
+    """Loop, first loading, cycles, whether they closed, and the results of the last one."""
     angles, case = np.pi / steps * np.arange(2 * steps + 1), solver._begin(answer_of(start))
     # a vector named in a step would take the place of pressures that follow the boundary
     case = copied(case, scale=(None, case.scale[1]), factor=None, bolts=None)
@@ -216,5 +217,4 @@ def _cycled(
         closed = abs(loop[-1, 0] - loop[0, 0]) <= CLOSED * width + SOLVED * np.ptp(loop[:, 0])
         if closed:
             break
-    lost = sum(result.dissipation for result in results)
-    return loop, first, count, bool(closed), float(lost), results[-1]
+    return loop, first, count, bool(closed), results

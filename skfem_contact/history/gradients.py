@@ -146,11 +146,10 @@ def gradient(
 ) -> Gradient:
     """See `ContactSolver.gradient`; of a history that is solved."""
     tangents, value, given = _linearised(results, objective, by, "the objective")
-    weights, after = weights_of([tangent.answer for tangent in tangents], given), Values()
-    loads, parts = any(p.kind in LOADS for p in by), list[list[Any]]()
+    loads, parts, after = any(p.kind in LOADS for p in by), list[list[Any]](), Values()
     with single_threaded:
-        for tangent, own in zip(reversed(tangents), reversed(weights), strict=True):
-            duals, after = backward(tangent, own, after, loads)
+        for tangent, own in zip(reversed(tangents), reversed(given), strict=True):
+            duals, after = backward(tangent, weights_of(tangent.answer, own), after, loads)
             parts.insert(0, [contracted(p, tangent, duals) for p in by])
     each = zip(by, zip(*parts, strict=True), strict=True)
     found = [np.array(own) if p.each_step else sum(own) for p, own in each]

@@ -29,7 +29,7 @@ from functools import cached_property
 import numpy as np
 
 from skfem_contact.arrays import Array, Index, Mask, lengths
-from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.loops.step import Guess, Step
@@ -297,7 +297,7 @@ def longest(vectors: Array) -> float:
     return float(np.sqrt(products(vectors, vectors).max(initial=0.0)))
 
 
-def largest_force(response: Response) -> float:
+def largest_force(response: Response | LocalState) -> float:
     """The largest normal or tangential force at a point [force]."""
     pressing = float(np.abs(response.normal_force).max(initial=0.0))
     return max(pressing, longest(response.tangential_force))

@@ -12,8 +12,8 @@ from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import check_kind, known_keywords, members, numbers, shown, suggest
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.boundaries import boundary_dofs
 from skfem_contact.bodies.member import Member
-from skfem_contact.bodies.selection import boundary_dofs
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import STATUS
 from skfem_contact.errors import InputError
@@ -223,44 +223,37 @@ def plot_damping(damping: Damping, *, units: Mapping[str, str] | None = None) ->
     >>> figure = sc.output.plot_damping(found, units={"length": "m", "time": "s"})
     """
     check_kind(damping, Damping, "damping", "give what solver.damping(...) returned")
-    words = checked_units(units)
-    figure = new_figure((10.5, 3.4))
+    words = {
+        "frequency": f"1/{units['time']}" if units and "time" in units else "",
+        **checked_units(units),
+    }
+    figure, order = new_figure((10.5, 3.4)), np.argsort(damping.amplitude)
     by_frequency, by_damping, beside = figure.subplots(1, 3)
-    order = np.argsort(damping.amplitude)
-    for ax, y, name in (
-        (
-            by_frequency,
-            damping.frequency,
-            f"frequency [1/{words['time']}]" if "time" in words else "frequency",
-        ),
-        (by_damping, damping.damping, "damping, of critical"),
-    ):
-        ax.semilogx(damping.amplitude[order], y[order], "o-", ms=4, color=PRESSURE)
-        shown_at = np.unique(damping.amplitude[order][np.linspace(0, len(order) - 1, 5).astype(int)])
-        ax.set_xticks(shown_at, [f"{w:.2g}" for w in shown_at])
+    over, amplitude = labelled("amplitude", "length", words), damping.amplitude[order]
+    ticks = np.unique(amplitude[np.linspace(0, len(order) - 1, 5).astype(int)])
+    for ax, y in ((by_frequency, damping.frequency), (by_damping, damping.damping)):
+        ax.semilogx(amplitude, y[order], "o-", ms=4, color=PRESSURE)
+        ax.set_xticks(ticks, [f"{w:.2g}" for w in ticks])
         ax.minorticks_off()
-        ax.set(xlabel=labelled("amplitude", "length", words), ylabel=name)
+        ax.set_xlabel(over)
+    by_damping.set_ylabel("damping, of critical")
+    by_frequency.set_ylabel(labelled("frequency", "frequency", words))
     by_frequency.axhline(damping.linear, color=LINES, lw=0.8, ls=":", label="the mode itself")
     by_frequency.ticklabel_format(axis="y", useOffset=False)
     by_frequency.legend(frameon=False, fontsize="small", **ABOVE)
-
-    def drawn(loop: Array, style: str, shade: float, label: str) -> None:
+    shades = np.linspace(0.3, 1.0, len(order))
+    drawn = [(damping.loops[i], "-", s, f"{damping.amplitude[i]:.3g}") for s, i in zip(shades, order)]
+    for loop, style, shade, label in [
+        *drawn,
+        (damping.masing_loop(int(order[-1])), "--", 0.8, "by Masing"),
+    ]:
         w, force = loop.T
         middle, peak = 0.5 * (w.max() + w.min()), np.abs(force).max()
         off = (w - middle) / (0.5 * np.ptp(w)) - force / peak
         beside.plot(force / peak, off, style, color=FRICTION, alpha=shade, label=label)
-
-    for shade, i in zip(np.linspace(0.3, 1.0, len(order)), order, strict=True):
-        drawn(damping.loops[i], "-", shade, f"{damping.amplitude[i]:.3g}")
-    drawn(damping.masing_loop(int(order[-1])), "--", 0.8, "by Masing")
     beside.set(xlabel="inertia force / peak", ylabel="displacement beside the secant / peak")
-    beside.legend(
-        frameon=False,
-        fontsize="small",
-        title=labelled("amplitude", "length", words),
-        loc="upper left",
-        bbox_to_anchor=(1.0, 1.0),
-    )
+    place = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
+    beside.legend(frameon=False, fontsize="small", title=over, **place)
     for ax in figure.axes:
         ax.spines[["top", "right"]].set_visible(False)
     return figure

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from skfem.assembly import CellBasis
 
-from skfem_contact.arguments import number, shown, with_known_keywords
+from skfem_contact.arguments import number, shown, whole_number, with_known_keywords
 from skfem_contact.bodies.member import Member
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
@@ -110,8 +110,7 @@ class PETSc(Backend):
         tol = number(self.tol, "tol of PETSc", "give a share of the load, such as 1e-10")
         if not 0 < tol < 1:
             raise InputError(f"tol of PETSc is {tol}; give a share of the load, such as 1e-10")
-        if not isinstance(self.max_iterations, int | np.integer) or self.max_iterations < 1:
-            raise InputError(f"max_iterations of PETSc is {shown(self.max_iterations)}; give a number")
+        whole_number(self.max_iterations, "max_iterations of PETSc", 1)
         object.__setattr__(self, "options", _checked(self.options))
         object.__setattr__(self, "uses_modes", self.method == "iterative")
         own = ranks()

@@ -190,6 +190,16 @@ def test_hollow_by_mistake(shape):
     assert len(caught) == 1 and not results[-1].force.any()
 
 
+def test_an_open_outline_the_wrong_way_round():
+    """It is solid on its left; which side points beyond its ends are on is not known."""
+    left = [(-5, 5), (-1, 0), (1, 0), (5, 5)]
+    assert under(sc.RigidPolyline(left, name="tool"), (0, -0.05))[-1].force[1] < 0
+    with pytest.warns(sc.ContactWarning, match="nothing touches.* is solid.*the other way round"):
+        under(sc.RigidPolyline(left[::-1], name="tool"), (0, -0.05))
+    short = sc.RigidPolyline([(0.1, 0.0), (-0.1, 0.0)], name="tool")
+    assert not under(short, (0, -0.05))[-1].force.any()
+
+
 def test_what_comes_from_behind_is_no_mistake():
     """A disc that is moved to its place, and one that waits beside the block, touch nothing yet."""
     disc = sc.RigidCylinder((0.0, -3.0), 6.0, name="tool")  # the block is within it, until it moves

@@ -13,11 +13,11 @@ from copy import copy
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, diags
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.placed import fluid_beyond
+from skfem_contact.answers.tangent.rates import Maps, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import known_keywords, numbers, shown
 from skfem_contact.arrays import Array
@@ -33,6 +33,8 @@ from skfem_contact.errors import InputError
 LOADS = "stiffness", "load", "displacement", "scene"
 BOLTS = "bolt_force", "bolt_stretch"
 GAPS = "interference", "gap"
+#: The name of the values of a parameter at each point or DOF.
+FIELD = "field"
 KINDS = "friction", *LOADS, *GAPS, "motion", *BOLTS
 
 
@@ -139,24 +141,19 @@ def change(by: Parameter, tangent: Tangent) -> Values:
     """
     if by.kind in SINGLE:
         return SINGLE[by.kind](by, tangent)
-    answer, out = tangent.answer, Values()
+    answer, kin, motion = tangent.answer, tangent.answer.kin, by.kind == "motion"
     case, beyond = answer.case, answer.load - answer.case.f  # what fluids have on deformed boundaries
-    own = {"load": case.applied + beyond, "displacement": case.x}.get(by.kind)
-    for i, at in _places(by, answer):
-        for name, factor in _factors(by, tangent, i, at):
-            count = factor.shape[-1] if by.kind == "motion" else len(factor)
-            if by.along is None:
-                values = np.ones(count) if own is None else own[at]
-            else:
-                values = _field(by, by.along, count)
-            found = np.einsum("iwd,d->iw" if by.kind == "motion" else "iw,i->iw", factor, values)
-            size = (answer.system.n,) if name in "fx" else (answer.kin.m, found.shape[1])
-            whole = out.setdefault(name, np.zeros(size))
-            whole[at] = found.reshape(whole[at].shape)
-    if by.kind in GAPS:
-        kin = answer.kin
-        out["gap0"] = np.where(kin.paired[:, None], kin.of_rows(out["gap0"]), 0.0)
-    return out
+    own = {"load": case.applied + beyond, "displacement": case.x}.get(by.kind, np.ones((kin.m, 1)))
+    p = np.zeros(own.shape[:1] + kin.normal.shape[1:] if motion else own.shape)
+    places = _places(by, answer)
+    for _, at in places:
+        if by.along is None:
+            p[at] = own[at]
+        else:
+            p[at] = _field(by, p.shape[1] if motion else len(p[at])).reshape(-1, *p.shape[1:])
+    values = {FIELD: p}
+    take(_maps(by, tangent, places), values)
+    return values
 
 
 def contracted(by: Parameter, tangent: Tangent, duals: Values) -> Any:
@@ -167,59 +164,55 @@ def contracted(by: Parameter, tangent: Tangent, duals: Values) -> Any:
     if not by.field:
         found = change(by, tangent)
         return sum(float(np.vdot(own, duals[name])) for name, own in found.items() if name in duals)
-    kin, places = tangent.answer.kin, _places(by, tangent.answer)
+    places, duals = _places(by, tangent.answer), dict(duals)
     if len(places) != 1:
         raise InputError(f"{by!r}: a field is of one body or contact; name it, of=...")
-    [(i, at)] = places
-    total = 0.0
-    for name, factor in _factors(by, tangent, i, at):
-        dual = duals[name]
-        if by.kind in GAPS:
-            dual = np.where(kin.paired[:, None], dual, 0.0)
-            dual = dual if kin.gap_weights is None else kin.gap_weights.T @ dual
-        own = dual[at].reshape(len(factor), -1)
-        total = total + np.einsum("iwd,iw->d" if by.kind == "motion" else "iw,iw->i", factor, own)
-    return total
+    take(_maps(by, tangent, places), duals, back=True)
+    own = duals[FIELD][places[0][1]]
+    return own.sum(axis=0) if by.kind == "motion" else own.ravel()
 
 
-def _factors(by: Parameter, tangent: Tangent, i: int, at: slice) -> list[tuple[str, Array]]:
-    """What a parameter changes of its body or contact, by name.
-
-    Over the value at the same DOF or point, (count, width); of a motion, over its components, (m_c,
-    width, d).
-    """
+def _maps(by: Parameter, tangent: Tangent, places: list[tuple[int, slice]]) -> Maps:
+    """What a field of the parameter changes: of what it is at each point or DOF, zero elsewhere."""
     answer, kin = tangent.answer, tangent.answer.kin
     if by.kind in LOADS:
-        load, body = by.kind == "load", answer.system.bodies[i]
-        share: Array | float = 1.0
-        if by.field or by.along is not None:  # of a body in a step over those that a user gives
-            factor, scale = answer.case.scale[0 if load else 1], answer.system.scale(body)
-            share = (1.0 / scale if load else scale) * (1.0 if factor is None else factor)
-        return [("f" if load else "x", np.broadcast_to(share, body.n)[:, None])]
+        load, share = by.kind == "load", np.zeros(answer.system.n)
+        for i, at in places:
+            share[at] = 1.0
+            if by.field or by.along is not None:  # of a body in a step over those that a user gives
+                factor, scale = (
+                    answer.case.scale[not load],
+                    answer.system.scale(answer.system.bodies[i]),
+                )
+                share[at] = (1.0 / scale if load else scale) * (1.0 if factor is None else factor)
+        return [("f" if load else "x", FIELD, share)]
+    on = np.zeros((kin.m, 1))
+    for i, at in places:
+        on[at, 0] = _by_coefficient(tangent, i, at) if by.kind == "friction" else 1.0
     if by.kind == "friction":
-        steep = by_coefficient(tangent, i, at)[:, None]
-        return [("bound", steep), ("mapped", tangent.direction[at] * steep)]
+        return [("bound", FIELD, on), ("mapped", FIELD, (tangent.direction * on)[:, :, None])]
+    paired = kin.paired[:, None]
     if by.kind == "motion":
-        paired = kin.paired[at, None, None]
-        normal, axes = kin.normal[at, None], kin.axes[at]
-        return [("gap0", np.where(paired, -normal, 0.0)), ("slip0", np.where(paired, -axes, 0.0))]
-    return [("gap0", np.full((len(kin.normal[at]), 1), 1.0 if by.kind == "gap" else -1.0))]
+        on = np.where(paired, -on, 0.0)
+        return [("gap0", FIELD, (on * kin.normal)[:, None]), ("slip0", FIELD, on[:, None] * kin.axes)]
+    rows = 1.0 * paired if kin.gap_weights is None else diags(1.0 * kin.paired) @ kin.gap_weights
+    return [("given", FIELD, on if by.kind == "gap" else -on), ("gap0", "given", rows)]
 
 
-def by_coefficient(tangent: Tangent, i: int, part: slice) -> Array:
+def _by_coefficient(tangent: Tangent, i: int, part: slice) -> Array:
     """Derivative of the bounds of a contact by the coefficient of its law, (m_c,)."""
-    answer = tangent.answer
+    answer, closed = tangent.answer, tangent.closed[part]
     law, area = answer.contacts[i].friction, answer.local.area[part]
     force = np.maximum(answer.local.normal_force[part], 0.0)
     if type(law) is Tresca:
-        return np.where(tangent.closed[part], area, 0.0)
+        return np.where(closed, area, 0.0)
     if type(law) is not Coulomb:
         raise InputError(
             f"contact {answer.names[i]!r} has the law {type(law).__name__}, which has no single "
             "coefficient. Use Parameter('scene', between=(...)), two solvers whose laws differ."
         )
     free = law.mu * force + law.cohesion * area < law.tau_max * np.maximum(area, 0.0)
-    return np.where((free | np.isinf(law.tau_max)) & tangent.closed[part], force, 0.0)
+    return np.where((free | np.isinf(law.tau_max)) & closed, force, 0.0)
 
 
 def _between(by: Parameter, tangent: Tangent) -> Values:
@@ -354,24 +347,24 @@ def _places(by: Parameter, answer: Answer) -> list[tuple[int, slice]]:
             raise InputError(f"{by!r}: of is a contact; name a body")
         bodies = system.bodies if by.of is None else [system.bodies[system.index(by.of)]]
         return [(system.bodies.index(body), system.slice(body)) for body in bodies]
-    names, contacts = answer.names, answer.contacts
-    motion, number = by.kind == "motion", number_of(by.of, contacts)
-    has = [c.rigid if motion else bool(c.friction) or by.kind != "friction" for c in contacts]
-    some = [i for i, own in enumerate(has) if own and by.of is None]
-    if by.of is not None:
-        some = [i for i, name in enumerate(names) if name == by.of]
-        if motion and not some:
-            some = [i for i, c in enumerate(contacts) if c.rigid and c.primary.name == by.of]
-        if number is not None:
-            some = [number]
+    names, contacts, motion = answer.names, answer.contacts, by.kind == "motion"
+    if by.of is None:
+        has = [c.rigid if motion else c.friction or by.kind != "friction" for c in contacts]
+        some = [i for i, own in enumerate(has) if own]
+    elif (number := number_of(by.of, contacts)) is not None:
+        some = [number]
+    else:
+        tools = tuple(c.primary.name if motion and c.rigid else None for c in contacts)
+        known: tuple[str | None, ...] = names if by.of in names else tools
+        some = [i for i, name in enumerate(known) if name == by.of]
         if not some:
-            known = ", ".join(map(repr, names))
-            raise InputError(f"{by!r}: there is no such contact; there are {known}.")
+            words = ", ".join(map(repr, names))
+            raise InputError(f"{by!r}: there is no such contact; there are {words}.")
     return [(i, answer.model.interface.point_slices[i]) for i in some]
 
 
-def _field(by: Parameter, given: ArrayLike, count: int) -> Array:
-    values = numbers(given, f"{by!r}: along", "give a number, or one for each point or DOF")
+def _field(by: Parameter, count: int) -> Array:
+    values = numbers(by.along, f"{by!r}: along", "give a number, or one for each point or DOF")
     if values.shape != (count,) and (values.shape or by.kind == "motion"):
         raise InputError(f"{by!r}: along has shape {values.shape}, not ({count},)")
-    return np.broadcast_to(values, count).astype(float)
+    return values

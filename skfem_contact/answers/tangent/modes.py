@@ -28,7 +28,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.tangent.tangent import Tangent, held_rows, left_free
-from skfem_contact.arguments import shown
+from skfem_contact.arguments import shown, whole_number
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.state import OPEN, STICK
@@ -102,8 +102,7 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
     """See `ContactSolver.modes`; `stiffness` is that of each body."""
     if slipping not in SLIPPING:
         raise InputError(f"slipping={shown(slipping)}; slipping points may be {', '.join(SLIPPING)}")
-    if not isinstance(n, int | np.integer) or n < 1:
-        raise InputError(f"n = {shown(n)}; give the number of modes")
+    whole_number(n, "n", 1)
     if not answer.converged:
         raise InputError(
             f"this result did not converge ({answer.message}): it is no state to vibrate in"

@@ -1,4 +1,4 @@
-r"""From changes of a load step to those of its answer, and backwards.
+r"""From changes of a load step to those of its answer, backwards, and to one side of a kink.
 
 What a step hands on to the next are slips, friction forces, the slips that points closed at, for the
 energy that friction takes its bounds, and the stretch of bolts. So the derivative of a history goes
@@ -10,40 +10,42 @@ it. Forwards they are taken one after the other, and backwards transposed, from 
 the solve has the factor of its own points in both directions. Displacements inside the bodies follow by
 reciprocity: contact forces move a body by ``U p``, and ``U'g`` are the gaps and slips that g as a load
 makes; so ``g . u`` depends on p by those.
+
+At a kink (`Tangent.kinks`) points are about to change, and which way they go follows from the change
+itself: rates of gaps g and pressures, of slips and of friction, are complementary as gaps and pressures
+themselves are. So each of these points is in one of few states, with which the tangent is that of any
+other answer:
+
+* open, ``p = 0`` while ``g >= 0``, or closed, ``g = 0`` while ``lambda >= 0``;
+* at its bound, friction having the direction d: it sticks while ``d . tau`` grows no more than the
+  bound, or slips on along d; across d it sticks either way, as a slip has to begin along d;
+* touching, with no friction yet: with Coulomb's law for the rates, in any direction, linearised as the
+  return map is; and where it has slid in this step already, friction against that slip.
+
+States are changed all at once, and one at a time once they repeat, until none contradicts.
 """
 
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.sparse import issparse
 
-from skfem_contact.answers.tangent.tangent import Tangent, Values
-from skfem_contact.arrays import Array, lengths
-from skfem_contact.errors import InputError
+from skfem_contact.answers.tangent.tangent import Slopes, Tangent, Values
+from skfem_contact.answers.thresholds import MOST_CHANGES
+from skfem_contact.arrays import Array, lengths, size_of, unit_vectors
+from skfem_contact.digits import SOLVED
+from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.problem.points import Duals
 from skfem_contact.problem.response import Response
 
+TINY = np.finfo(float).tiny
 HANDED_ON = "slip", "friction", "reference", "bound", "stretch"
-#: Of one name to be added to, and the name of what a block at each point is multiplied with.
-Maps = list[tuple[str, str, NDArray[Any]]]
-
-
-class Way(NamedTuple):
-    """What points do whose statuses are not those of the tangent, which holds them.
-
-    Attributes
-    ----------
-    gap : ndarray, shape (m,), slip : ndarray, shape (m, d-1)
-        Their rates; zero, and those of the step before, at all other points.
-    closed : ndarray of bool, shape (m,)
-    """
-
-    gap: Array
-    slip: Array
-    closed: NDArray[np.bool_]
+#: What is added to a name, and the name of what that is a multiple of: by a block at each point, by a
+#: number at each, or by a sparse matrix.
+Maps = list[tuple[str, str, Any]]
 
 
 def _before(tangent: Tangent) -> Maps:
@@ -62,9 +64,9 @@ def _before(tangent: Tangent) -> Maps:
     return maps
 
 
-def _after(tangent: Tangent, closed: NDArray[np.bool_], lost: bool) -> Maps:
+def _after(tangent: Tangent, lost: bool) -> Maps:
     """What follows from gaps, slips and forces; the energy lost has the mean of two bounds."""
-    one, shut = np.ones((1, 1)), 1.0 * closed[:, None]
+    one, shut = np.ones((1, 1)), 1.0 * tangent.closed[:, None]
     maps: Maps = [
         ("reference", "slip", 1.0 - shut),
         ("reference", "last reference", shut),
@@ -90,15 +92,23 @@ def _after(tangent: Tangent, closed: NDArray[np.bool_], lost: bool) -> Maps:
     return maps
 
 
-def _take(maps: Maps, values: Values, back: bool = False) -> None:
+def add(values: Values, name: str, own: Array) -> None:
+    """Add to the values of a name, which may not be there yet."""
+    values[name] = values[name] + own if name in values else own
+
+
+def take(maps: Maps, values: Values, back: bool = False) -> None:
     """Take maps one after the other; or, `back`, their transposes from the last to the first."""
     for out, of, block in reversed(maps) if back else maps:
         to, by = (of, out) if back else (out, of)
-        if by in values:
-            product = "ikl,ik->il" if back else "ikl,il->ik"
-            full = block.ndim == 3
-            own = np.einsum(product, block, values[by]) if full else block * values[by]
-            values[to] = values[to] + own if to in values else own
+        if by not in values:
+            continue
+        if issparse(block):
+            add(values, to, (block.T if back else block) @ values[by])
+        elif block.ndim == 3:
+            add(values, to, np.einsum("ikl,ik->il" if back else "ikl,il->ik", block, values[by]))
+        else:
+            add(values, to, block * values[by])
 
 
 class Rates:
@@ -109,9 +119,8 @@ class Rates:
     tangent : Tangent
     change : dict of ndarray
         What the number changes of the load step, see `changes.change`.
-    last : dict of ndarray, optional
-        What the answer before has `handed_on`; None if it does not depend on the number.
-    way : Way, optional
+    last : dict of ndarray
+        What the answer before has `handed_on`; nothing if it does not depend on the number.
 
     Attributes
     ----------
@@ -119,26 +128,18 @@ class Rates:
         By name.
     """
 
-    def __init__(
-        self, tangent: Tangent, change: Values, last: Values | None = None, way: Way | None = None
-    ) -> None:
+    def __init__(self, tangent: Tangent, change: Values, last: Values) -> None:
         bolts, self.tangent = tangent.bolts, tangent
-        self.values = values = change | {"last " + name: own for name, own in (last or {}).items()}
-        _take(_before(tangent), values)
+        self.values = values = change | {"last " + name: own for name, own in last.items()}
+        take(_before(tangent), values)
         if bolts and "drive" in values:
-            values["f"] = values.get("f", 0.0) - bolts.pulls.T @ values["drive"]
-        if way:
-            values["anchor"] = way.slip
-            values["gap0"] = values.get("gap0", 0.0) - way.gap[:, None]
-        self._found = tangent.respond(values)
-        found = self.response = self._found[-1]
-        if way:
-            found.gap = found.gap + way.gap
+            add(values, "f", -bolts.pulls.T @ values["drive"])
+        found, self._recover = tangent.respond(values)
         values |= {"gap": found.gap[:, None], "normal_force": found.normal_force[:, None]}
         values |= {"slip": found.slip, "friction": found.tangential_force}
         if bolts:
             values["pull"] = bolts.pulls @ self.u
-        _take(_after(tangent, way.closed if way else tangent.closed, True), values)
+        take(_after(tangent, True), values)
 
     @property
     def handed_on(self) -> Values:
@@ -148,7 +149,7 @@ class Rates:
     @cached_property
     def u(self) -> Array:
         """Of the displacements of all bodies, (n,)."""
-        return self.tangent.displacements(*self._found)
+        return self._recover()
 
     def dot(self, weights: Values) -> float:
         """The derivative of a number that depends on the answer by these weights."""
@@ -172,12 +173,12 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
     answer, problem, bolts = tangent.answer, tangent.problem, tangent.bolts
     (m, t), duals = answer.local.slip.shape, dict(weights)
     for name, own in after.items():
-        duals[name] = duals[name] + own if name in duals else own
+        add(duals, name, own)
     if "lost" in duals:
         check_lost(tangent)
-    _take(_after(tangent, tangent.closed, "lost" in duals), duals, back=True)
+    take(_after(tangent, "lost" in duals), duals, back=True)
     if bolts and "pull" in duals:
-        duals["u"] = duals.get("u", 0.0) + bolts.pulls.T @ duals["pull"]
+        add(duals, "u", bolts.pulls.T @ duals["pull"])
     forces, pulled, u = np.zeros(len(problem.compliance.W)), None, duals.get("u")
     case = tangent.case({} if u is None else {"f": u})
     if u is not None:
@@ -194,8 +195,8 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
         duals["f"] = tangent.recovered(force, case)
         duals["x"] = _by_supports(tangent, duals["f"], found, u)
     if bolts:
-        duals["drive"] = duals.get("drive", 0.0) - bolts.pulls @ duals["f"]
-    _take(_before(tangent), duals, back=True)
+        add(duals, "drive", -bolts.pulls @ duals["f"])
+    take(_before(tangent), duals, back=True)
     return duals, {name[5:]: own for name, own in duals.items() if name.startswith("last ")}
 
 
@@ -209,6 +210,129 @@ def _by_supports(tangent: Tangent, f: Array, found: Duals, u: Array | None) -> A
         whole = whole + kin.B_t.T @ found.slip0.ravel()
     x[system.D] = (whole if u is None else whole + u)[system.D]
     return x
+
+
+def one_sided(tangent: Tangent, found: Values, last: Values, side: int) -> Rates:
+    """Rates to one side, with the statuses that hold there.
+
+    Raises
+    ------
+    InputError
+        Bounds of friction at the kink change with the slip.
+    NotConverged
+        No statuses fit.
+    """
+    found = {name: side * own for name, own in found.items()}
+    return Verge(tangent, found, last).rates() if len(tangent.kinks) else Rates(tangent, found, last)
+
+
+class Verge:
+    """The points of a tangent that are about to change, and their states."""
+
+    def __init__(self, tangent: Tangent, change: Values, last: Values) -> None:
+        self.tangent, self.change, self.last = tangent, change, last
+        self.at = at = tangent.kinks
+        compliance, local, answer = tangent.problem.compliance, tangent.local, tangent.answer
+        has_slip = np.all(compliance.tangential_rows[at] >= 0, axis=1)
+        self.rubs = answer.model.interface.frictional[at] & has_slip
+        self.touches = tangent.touching[at] & (compliance.normal_rows[at] >= 0)
+        if self.rubs.any() and not tangent.rule.steady:
+            raise InputError(
+                "side: bounds of friction that change with the slip have no one-sided derivatives. "
+                "Take Coulomb, OrthotropicCoulomb or Tresca, or move the load a little off the kink."
+            )
+        self.slope = tangent.rule.slope(np.maximum(local.normal_force, 0.0), local.slip)[at]
+        slid = tangent.slid[at] & self.rubs
+        self.open, self.slips = self.touches & ~tangent.closed[at], slid.copy()
+        self.decides = self.rubs & ~slid  # whether it sticks
+        self.turns = self.decides & self.touches  # has no direction of friction yet
+        toward = np.where(slid[:, None], answer.plastic_slip[at], local.tangential_force[at])
+        self.direction = unit_vectors(toward)
+        stiffness = answer.tangential_stiffness[at, None]
+        self.give = 1.0 / stiffness  # a finite stiffness gives back a part of the slip
+        # with exact sticking any stiffness does, see `tangent`
+        own, self.exact = tangent.problem.resistance.tangential[at, None], np.isinf(stiffness)
+        self.stiffness = np.where(self.exact, own, stiffness)
+        bound = change["bound"][at, 0] if "bound" in change else 0.0
+        self.bound, self.least = np.where(self.turns, 0.0, bound), np.zeros(2)
+        self._read(Rates(tangent, change, last).values)
+
+    def rates(self) -> Rates:
+        """Change states until none contradicts: all, and the last alone once they repeat (Murty)."""
+        seen, whole = set[bytes](), True
+        for _ in range(MOST_CHANGES * len(self.at)):
+            rates = self._solved()
+            self._read(rates.values)
+            key = self.open.tobytes() + self.slips.tobytes()
+            whole = whole and key not in seen
+            if not self._change(whole):
+                return rates
+            seen.add(key)
+        raise NotConverged("no statuses of the points with a kink fit the change to this side", None)
+
+    def _solved(self) -> Rates:
+        """Rates with the states that the points have."""
+        at, rubs, change, tangent = self.at[self.rubs], self.rubs, dict(self.change), self.tangent
+        slips, unit, way = self.slips & ~self.open, np.eye(self.direction.shape[1]), self.direction
+        # what decides is held across its direction, and by the return map where that turns
+        bound = self.slope * np.maximum(self.normal_force, 0.0)
+        size = np.maximum(np.maximum(lengths(self.trial), bound), TINY)
+        turn = np.where(self.turns, bound / size, 1.0 * self.decides)[:, None, None]
+        J = turn * (unit - way[:, :, None] * way[:, None])
+        elastic = ~(self.exact[:, 0] | self.slips | self.open)
+        J = np.where(slips[:, None, None], J, unit * elastic[:, None, None])
+        exact, k = self.exact[:, :, None], self.stiffness[:, :, None]
+        spring = J * np.where(exact, k / np.maximum(1.0 - turn, SOLVED), k)
+        by_normal = np.where(slips, self.slope, 0.0)[:, None] * way
+        new = (spring, np.where(exact, 0.0, J), 0.0 * J, unit * slips[:, None, None], by_normal, way)
+        slopes = Slopes(*(own.copy() for own in tangent.slopes))
+        for own, here in zip(slopes, new, strict=True):
+            own[at] = here[rubs]
+        closed, stick = tangent.closed.copy(), tangent.stick.copy()
+        closed[self.at[self.touches]] = ~self.open[self.touches]
+        stick[at] = (self.exact[:, 0] & ~(self.slips | self.open))[rubs]
+        if "bound" in change:
+            change["bound"], change["mapped"] = (
+                change["bound"] * closed[:, None],
+                change["mapped"].copy(),
+            )
+            change["mapped"][at] = (self.bound[:, None] * way)[rubs]
+        return Rates(tangent.holding(closed, stick & closed, slopes), change, self.last)
+
+    def _read(self, values: Values) -> None:
+        """What the points do, and what of it is more than round-off."""
+        self.gap, self.normal_force = values["gap"][self.at, 0], values["normal_force"][self.at, 0]
+        self.friction = values["friction"][self.at]
+        since, still = values["slip"] - self.last.get("slip", 0.0), 0.0 * self.friction
+        before = self.last["friction"][self.at] if "friction" in self.last else still
+        # trial forces of a stiffness of each point, with what a finite one gives back of the slip
+        moved = since[self.at] - self.give * (self.friction - before)
+        self.trial = self.friction + self.stiffness * moved
+        kinds = ("normal_force", "friction"), ("gap", "slip")
+        sizes = [max(size_of(values[name][np.isfinite(values[name])]) for name in own) for own in kinds]
+        self.least = np.maximum(self.least, SOLVED * np.array(sizes))
+
+    def _change(self, whole: bool) -> bool:
+        """Other states of the points, by their rates; return whether there are any.
+
+        Within round-off states stay as they are.
+        """
+        force, way = self.least
+        k, little = self.stiffness[:, 0], force + self.stiffness[:, 0] * way
+        pressed, trial = self.normal_force - k * self.gap, self.trial
+        open_ = self.touches & (pressed < np.where(self.open, little, -little))
+        size = np.where(self.turns, lengths(trial), np.sum(trial * self.direction, axis=1))
+        beyond = size - self.slope * self.normal_force - self.bound
+        slips = np.where(self.decides, beyond > np.where(self.slips, -little, little), True)
+        slips = slips & self.rubs & ~open_
+        new = np.flatnonzero((open_ != self.open) | (slips != self.slips))
+        new = new if whole else new[-1:]
+        self.open[new], self.slips[new] = open_[new], slips[new]
+        turns = self.turns & self.slips
+        direction = np.where(turns[:, None], unit_vectors(trial), self.direction)
+        turned = np.any(lengths(direction - self.direction) > SOLVED)
+        self.direction = direction
+        return bool(turned) or len(new) > 0
 
 
 def check_lost(tangent: Tangent) -> None:

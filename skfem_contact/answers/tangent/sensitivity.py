@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.tangent.changes import Parameter, change, parameters
-from skfem_contact.answers.tangent.rates import Rates, check_lost
-from skfem_contact.answers.tangent.sides import one_sided
+from skfem_contact.answers.tangent.rates import Maps, Rates, add, check_lost, one_sided, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import numbers, shown
-from skfem_contact.arrays import Array, Index
+from skfem_contact.arrays import Array, Index, same
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.errors import InputError
 
-AT_CONTACT = "gap", "normal_force", "pressure", "slip", "tangential_force", "force"
+AT_CONTACT = "gap", "normal_force", "pressure", "slip", "tangential_force", "force", "dissipation"
+#: Of which each point has a share.
+SUMS = "force", "dissipation"
+At = Index | slice
+#: The name of the values of a quantity.
+ASKED = "asked"
 
 
 class BoltRates(NamedTuple):
@@ -68,12 +72,6 @@ class Sensitivity:
         self._answer = rates.tangent.answer
 
     @property
-    def dissipation(self) -> float:
-        """The derivative of the energy lost by friction in the step [energy over the parameter]."""
-        check_lost(self._rates.tangent)
-        return self._sign * float(self._rates.values["lost"].sum())
-
-    @property
     def u(self) -> Array:
         """The derivatives of the displacements of all bodies, shape (n,)."""
         return self._sign * self._rates.u / self._answer.system.units
@@ -96,20 +94,19 @@ class Sensitivity:
 
         Parameters
         ----------
-        quantity : {"gap", "normal_force", "pressure", "slip", "tangential_force", "force"}
+        quantity : str
+            "gap", "normal_force", "pressure", "slip", "tangential_force", "force" or "dissipation".
         contact : str, optional
-            Its name; not needed where there is one.
+            Its name; not needed where there is one, nor for the energy that all of them lose.
         """
-        answer, rates = self._answer, self._rates.values
-        parts = [
-            np.einsum("iw,siwo->io", rates[name][at], by)
-            for name, at, by in _terms([answer], quantity, _which(answer, contact, quantity))
-            if name in rates
-        ]
-        found = self._sign * sum(parts)
-        if quantity == "force":
-            return np.asarray(found.sum(axis=0))
-        return np.asarray(found if quantity in ("slip", "tangential_force") else found[:, 0])
+        maps, at = _quantity(self._answer, quantity, contact)
+        if quantity == "dissipation":
+            check_lost(self._rates.tangent)
+        values = dict(self._rates.values)
+        take(maps, values)
+        found = self._sign * values[ASKED][at]
+        found = found.sum(axis=0) if quantity in SUMS else found
+        return found if quantity in ("slip", "tangential_force", "force") else found[..., 0]
 
     gap: Array = _its("gap", "The derivatives of the gaps of the only contact, (m,).")
     normal_force: Array = _its("normal_force", "The derivatives of the normal forces, (m,).")
@@ -119,10 +116,13 @@ class Sensitivity:
         "tangential_force", "The derivatives of the friction forces, (m, d-1)."
     )
     force: Array = _its("force", "The derivatives of the resultant on the secondary, (d,).")
+    dissipation: float = _its(
+        "dissipation", "The derivative of the energy lost by friction in the step."
+    )
 
     def dot(self, weights: Mapping[str, Any]) -> float:
         """Derivative of a function of the result, given as for `ContactSolver.gradient`."""
-        return self._sign * self._rates.dot(weights_of([self._answer], [weights])[0])
+        return self._sign * self._rates.dot(weights_of(self._answer, weights))
 
 
 def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int) -> Sensitivity:
@@ -140,105 +140,99 @@ def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int)
 # -- quantities -----------------------------------------------------------------------------------
 
 
-def _which(answer: Answer, contact: Any, what: str) -> int:
+def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At]:
+    """A quantity of a contact as maps of values at points, and which points have it.
+
+    Of a resultant each point has its share.
+    """
     if what not in AT_CONTACT:
         raise InputError(f"{what!r} is none of {', '.join(AT_CONTACT)}")
-    if contact is None and len(answer.names) != 1:
+    if contact is None and len(answer.names) != 1 and what != "dissipation":
         raise InputError(f"{what}: there are several contacts; name one of {', '.join(answer.names)}")
     if contact is not None and contact not in answer.names:
         raise InputError(f"there is no contact {shown(contact)}, only {', '.join(answer.names)}")
-    return 0 if contact is None else answer.names.index(contact)
-
-
-def _terms(answers: Sequence[Answer], what: str, i: int) -> list[tuple[str, Index, Array]]:
-    """A quantity of a contact as a linear map of values at points, to be summed.
-
-    Of s results of one pairing at once. Each term has its name, its points (k,), and what a number of
-    these makes of the quantity, (s or 1, k or 1, width, o); of a resultant at each point its share.
-    """
-    kin, part = answers[0].kin, answers[0].model.interface.point_slices[i]
-    heir, own, one = kin.heir[part], np.arange(part.start, part.stop), np.ones((1, 1, 1, 1))
-    if what == "gap":
-        return [("gap", heir, one)]
-    if what == "normal_force":
-        return [("normal_force", own, one)]
-    if what == "slip":
-        _check_slip(answers[0], i)
-        return [("slipped", heir, _along_tangents(kin, kin.duals, heir)[None])]
-    if what == "tangential_force":
-        return [("friction", own, -_along_tangents(kin, kin.axes, own)[None])]
-    normal_force = np.array([answer.local.normal_force for answer in answers])[..., None, None]
+    i, kin, local = answer.names.index(contact or answer.names[0]), answer.kin, answer.local
+    part = answer.model.interface.point_slices[i]
+    heir: At = kin.heir[part]
+    if same(kin.heir[part], np.arange(part.start, part.stop)):
+        heir = part
+    if what == "dissipation":
+        return [(ASKED, "lost", np.ones((1, 1)))], slice(None) if contact is None else part
+    normal_force = local.normal_force[:, None]
+    if what in ("gap", "normal_force"):
+        return [(ASKED, what, np.ones((1, 1)))], heir if what == "gap" else part
     if what == "pressure":
-        area = kin.area[heir]
-        per = np.divide(1.0, area, out=np.zeros(len(area)), where=area > 0)[:, None, None]
-        return [("normal_force", heir, per[None]), ("area", heir, -(per**2) * normal_force[:, heir])]
-    normal, axes, unit = kin.normal[part, None], kin.axes[part], np.eye(kin.normal.shape[1])
-    friction = np.array([answer.local.tangential_force[part] for answer in answers])
-    by_axes = -np.einsum("sik,de->sikde", friction, unit)
+        per = np.divide(1.0, kin.area, out=np.zeros(kin.m), where=kin.area > 0)[:, None]
+        return [(ASKED, "normal_force", per), (ASKED, "area", -(per**2) * normal_force)], heir
+    if what == "slip":
+        if not answer.model.interface.slipping[part].any():
+            raise InputError(
+                f"slip of contact {answer.names[i]!r}: without friction nothing tangential is solved "
+                "for, and its slip is no unknown. Take the displacements of the bodies."
+            )
+        return [(ASKED, "slipped", _along_tangents(kin, kin.duals))], heir
+    if what == "tangential_force":
+        return [(ASKED, "friction", -_along_tangents(kin, kin.axes))], part
+    unit = np.eye(kin.normal.shape[1])
+    by_axes = -np.einsum("it,de->idte", local.tangential_force, unit)
     return [  # force = sum of lambda n - tau . axes
-        ("normal_force", own, normal[None]),
-        ("friction", own, -axes[None]),
-        ("normal", own, normal_force[:, own] * unit),
-        ("axes", own, by_axes.reshape(len(answers), len(own), -1, len(unit))),
-    ]
+        (ASKED, "normal_force", kin.normal[:, :, None]),
+        (ASKED, "friction", -kin.axes.swapaxes(1, 2)),
+        (ASKED, "normal", normal_force),
+        (ASKED, "axes", by_axes.reshape(kin.m, len(unit), -1)),
+    ], part
 
 
-def _along_tangents(kin: Kinematics, basis: Array, at: Index) -> Array:
-    """Components along unit tangents from those along a basis, (k, d-1, d-1) or (1, d-1, d-1)."""
+def _along_tangents(kin: Kinematics, basis: Array) -> Array:
+    """Components along unit tangents from those along a basis, (m, d-1, d-1), or one number."""
     if kin.scaled is None:
-        return np.eye(kin.tangents)[None]
-    return np.asarray(np.einsum("ikd,ild->ikl", basis[at], kin.tangent[at]))
+        return np.ones((1, 1))
+    return np.asarray(np.einsum("ikd,ild->ilk", basis, kin.tangent))
 
 
-def _check_slip(answer: Answer, i: int) -> None:
-    if not answer.model.interface.slipping[answer.model.interface.point_slices[i]].any():
-        raise InputError(
-            f"slip of contact {answer.names[i]!r}: without friction nothing tangential is solved for, "
-            "and its slip is no unknown. Take the displacements of the bodies."
-        )
-
-
-def weights_of(answers: Sequence[Answer], given: Sequence[Any]) -> list[Values]:
-    """A user's derivatives of a function of results: by quantity, or by contact and quantity.
+def weights_of(answer: Answer, given: Any) -> Values:
+    """A user's derivatives of a function of a result: by quantity, or by contact and quantity.
 
     Raises
     ------
     InputError
     """
-    found = [Values() for _ in answers]
-    asked: dict[tuple[int, int, str], list[tuple[Answer, Values, Any]]] = {}
-    for answer, out, own in zip(answers, found, given, strict=True):
-        for contact, what, value in _named(answer, {} if own is None else own):
-            if what == "dissipation" or (what in ELSEWHERE and contact is None):
-                ELSEWHERE[what](answer, out, contact, value)
-            else:
-                key = id(answer.kin), _which(answer, contact, what), what
-                asked.setdefault(key, []).append((answer, out, value))
-    for (_, i, what), some in asked.items():
-        _by_quantity(some, what, i)
+    found, given = Values(), {} if given is None else given
+    if not isinstance(given, Mapping):
+        raise InputError(f"derivatives by a result are {shown(given)}; give a dict by quantity")
+    known = *AT_CONTACT, *ELSEWHERE
+    for key, value in given.items():
+        if key in answer.names and isinstance(value, Mapping):
+            for what, own in value.items():
+                _add(found, answer, what, key, own)
+        elif key in known:
+            _add(found, answer, key, None, value)
+        else:
+            words = ", ".join([*known, *answer.names])
+            raise InputError(f"derivatives by a result name {key!r}; they may name {words}")
     return found
 
 
-def _named(answer: Answer, given: Any) -> Iterator[tuple[str | None, str, Any]]:
-    """Contacts, quantities and derivatives that a user gives of one result."""
-    if not isinstance(given, Mapping):
-        raise InputError(f"derivatives by a result are {shown(given)}; give a dict by quantity")
-    known = *AT_CONTACT, *ELSEWHERE, *answer.names
-    for key, value in given.items():
-        contact = key if key in answer.names and isinstance(value, Mapping) else None
-        if contact is None and key not in (*AT_CONTACT, *ELSEWHERE):
-            raise InputError(f"derivatives by a result name {key!r}; they may name {', '.join(known)}")
-        for what, own in value.items() if contact else [(key, value)]:
-            yield contact, what, own
+def _add(found: Values, answer: Answer, what: str, contact: str | None, value: Any) -> None:
+    """Add the derivatives by one quantity."""
+    if contact is None and what in ELSEWHERE:
+        ELSEWHERE[what](found, answer, value)
+        return
+    maps, at = _quantity(answer, what, contact)
+    m, d, t = len(answer.kin.heir[at]), answer.kin.normal.shape[1], answer.kin.tangents
+    shapes = {"slip": (m, t), "tangential_force": (m, t), "force": (d,), "dissipation": ()}
+    own = _shaped(value, shapes.get(what, (m,)), what)
+    own = (np.broadcast_to(own, (m, *own.shape)) if what in SUMS else own).reshape(m, -1)
+    found[ASKED] = np.zeros((answer.kin.m, own.shape[1]))
+    if isinstance(at, slice):
+        found[ASKED][at] = own
+    else:
+        np.add.at(found[ASKED], at, own)
+    take(maps, found, back=True)
+    del found[ASKED]
 
 
-def _by_energy(answer: Answer, out: Values, contact: str | None, value: Any) -> None:
-    parts = answer.model.interface.point_slices
-    at = slice(None) if contact is None else parts[answer.names.index(contact)]
-    out.setdefault("lost", np.zeros((answer.kin.m, 1)))[at] += float(value)
-
-
-def _by_bolts(answer: Answer, out: Values, _: None, given: Any) -> None:
+def _by_bolts(found: Values, answer: Answer, given: Any) -> None:
     names, parts = answer.bolt_names, {"force": "tension", "stretch": "stretch"}
     for name, own in given.items() if isinstance(given, Mapping) else [(given, {})]:
         if name not in names or not isinstance(own, Mapping) or not set(own) <= set(parts):
@@ -247,50 +241,28 @@ def _by_bolts(answer: Answer, out: Values, _: None, given: Any) -> None:
                 f"{{'bolt 1': {{'force': 1.0}}}}. Bolts of the solver: {', '.join(names) or 'none'}"
             )
         for what, value in own.items():
-            out.setdefault(parts[what], np.zeros(len(names)))[names.index(name)] += float(value)
+            add(found, parts[what], float(value) * (np.array(names) == name))
 
 
-def _by_all(answer: Answer, out: Values, _: None, value: Any) -> None:
-    u, n = out.setdefault("u", np.zeros(answer.system.n)), answer.system.n
-    u += _shaped(value, (n,), "u") / answer.system.units
+def _by_all(found: Values, answer: Answer, value: Any) -> None:
+    add(found, "u", _shaped(value, (answer.system.n,), "u") / answer.system.units)
 
 
-def _by_displacement(answer: Answer, out: Values, _: None, given: Any) -> None:
-    system = answer.system
+def _by_displacement(found: Values, answer: Answer, given: Any) -> None:
     if not isinstance(given, Mapping):
         raise InputError(
             f"the derivative by displacement is {shown(given)}; give one for each body, "
             "{'block': array}, or by u for all of them"
         )
+    whole, system = np.zeros(answer.system.n), answer.system
     for body, value in given.items():
-        member = system.bodies[system.index(body)]
-        whole = np.zeros(system.n)
-        whole[system.slice(member)] = _shaped(value, (member.n,), "displacement")
-        _by_all(answer, out, None, whole)
+        at = system.slice(body)
+        whole[at] = _shaped(value, (at.stop - at.start,), "displacement")
+    _by_all(found, answer, whole)
 
 
 #: Quantities that no point of a contact has.
-ELSEWHERE: dict[str, Callable[[Answer, Values, Any, Any], None]] = {
-    "u": _by_all,
-    "displacement": _by_displacement,
-    "dissipation": _by_energy,
-    "bolts": _by_bolts,
-}
-
-
-def _by_quantity(given: list[tuple[Answer, Values, Any]], what: str, i: int) -> None:
-    """Derivatives by one quantity of results that have the same pairing, all at once."""
-    answers, found, values = zip(*given, strict=True)
-    kin, part = answers[0].kin, answers[0].model.interface.point_slices[i]
-    m, t, d = part.stop - part.start, kin.tangents, kin.normal.shape[1]
-    shape = {"slip": (m, t), "tangential_force": (m, t), "force": (d,)}.get(what, (m,))
-    w = np.array([_shaped(value, shape, what) for value in values])
-    w = np.broadcast_to(w[:, None], (len(w), m, d)) if what == "force" else w.reshape(len(w), m, -1)
-    for name, at, by in _terms(answers, what, i):
-        blocks = np.zeros((len(w), kin.m, by.shape[2]))
-        np.add.at(blocks.swapaxes(0, 1), at, np.einsum("sio,siwo->isw", w, by))
-        for out, block in zip(found, blocks, strict=True):
-            out[name] = out[name] + block if name in out else block
+ELSEWHERE = {"u": _by_all, "displacement": _by_displacement, "bolts": _by_bolts}
 
 
 def _shaped(value: Any, shape: tuple[int, ...], what: str) -> Array:

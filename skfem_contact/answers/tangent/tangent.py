@@ -22,18 +22,19 @@ offsets are what the step before and the parameter make of them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import block_diag, csr_matrix, vstack
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.arguments import numbers
-from skfem_contact.arrays import Array, Index, Mask, largest, lengths, unit_vectors
+from skfem_contact.arrays import Array, Index, Mask, check_size, largest, lengths, unit_vectors
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
@@ -43,10 +44,11 @@ from skfem_contact.conditions.rows import combined_rows, tangential_matrix
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.conditions.thresholds import BEYOND
 from skfem_contact.digits import SOLVED
-from skfem_contact.elimination.constraint import AffineConstraint
+from skfem_contact.elimination.constraint import AffineConstraint, eliminate
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.problem.response import Conditions, Load, Response, Source
+from skfem_contact.loops.complementarity import largest_force
+from skfem_contact.problem.response import Conditions, Response, Source
 from skfem_contact.problem.zone import Zone, Zones
 
 #: Derivatives by name, of loads or points: (n,) or (m, width). What is not there is zero.
@@ -113,63 +115,55 @@ class Tangent:
 
     def __init__(self, answer: Answer, zones: Zones | None = None) -> None:
         refuse(answer)
-        problem = answer.model.for_tangents
+        problem, interface = answer.model.for_tangents, answer.model.interface
         assert problem is not None
         self.answer, self.problem = answer, problem
         self.zones = zones or Zones(problem.compliance)
         self.local = local = answer.local
-        interface = answer.model.interface
         self.rule = FrictionRule(interface.laws, local.area, local.reference)
-        self.closed = local.status != OPEN
-        self.exact = exact = np.isinf(interface.stiffness)
-        self.stiffness = np.where(exact, 0.0, interface.stiffness)
         # bolts in the step: with a force that is given, and with the stretch of the step before
         self.bolts, tight = None, answer.case.bolts
         if answer.bolt_names and tight is not None and tight.kept is not None:
             self.bolts, self.tightened, self.locked = answer.bolts, tight.given, tight.kept
-        sticks = local.status == STICK
+        self.closed, sticks = local.status != OPEN, local.status == STICK
+        exact = np.isinf(interface.stiffness)
         self.slips = (local.status == SLIP) & interface.frictional
         self.stick = sticks & (interface.frictional & exact | interface.tied)
         self.elastic = sticks & interface.frictional & ~exact
+        # closed points without friction or glue count as slipping
+        self.status = np.where(~interface.slipping & self.closed, SLIP, local.status)
         if local.slip.shape[1] > 1:
             # where nothing has slipped yet no direction turns: as if it stuck, and a kink
             still = self.slips & exact & ~self.slid
             self.slips, self.stick = self.slips & ~still, self.stick | still
 
     @cached_property
-    def status(self) -> NDArray[np.intp]:
-        """See the class: as results have it, 2 at closed points without friction or glue."""
-        smooth = ~self.answer.model.interface.slipping
-        return np.where(smooth & self.closed, SLIP, self.local.status)
-
-    @cached_property
     def direction(self) -> Array:
         """See the class."""
-        along = self.local.tangential_force
+        along, way = self.local.tangential_force, self.answer.plastic_slip
         size = lengths(along)
         # nearly without a bound friction has a direction all the same: that of the slip
-        faint = self.slips & (size <= SOLVED * largest(size))
-        if np.count_nonzero(faint):
-            way = self.answer.plastic_slip
-            along = np.where((faint & way.any(axis=1))[:, None], way, along)
+        faint = self.slips & (size <= SOLVED * largest(size)) & way.any(axis=1)
+        along = np.where(faint[:, None], way, along)
         return unit_vectors(np.where(self.slips[:, None], along, 0.0))
 
     @cached_property
     def slopes(self) -> Slopes:
         """Derivatives of the friction of slipping points."""
         local, (m, t) = self.local, self.local.slip.shape
-        slips, elastic = self.slips[:, None, None], self.elastic[:, None, None]
+        stiffness, slips = self.answer.tangential_stiffness[:, None], self.slips[:, None, None]
         if t == 1 and self.rule.steady:  # nothing turns
-            by_normal, trial = self.direction * self.bound_slope[:, None], BEYOND * self.direction
-            spring, none = elastic * self.stiffness[:, None, None], np.zeros((m, 1, 1))
-            return Slopes(spring, 1.0 * elastic, none, 1.0 * slips, by_normal, trial)
-        unit = np.eye(t)
-        elastic = unit * elastic
+            by_normal, elastic = self.direction * self.bound_slope[:, None], self.elastic[:, None]
+            spring, none = np.where(elastic, stiffness, 0.0)[:, None], np.zeros((m, 1, 1))
+            by_trial, trial = 1.0 * elastic[:, None], BEYOND * self.direction
+            return Slopes(spring, by_trial, none, 1.0 * slips, by_normal, trial)
+        unit, exact = np.eye(t), np.isinf(stiffness)
+        elastic = unit * self.elastic[:, None, None]
         way, force = self.answer.plastic_slip, lengths(local.tangential_force)
-        exact, moved = self.exact[:, None, None], lengths(way)
+        moved = lengths(way)
         # with exact sticking any stiffness does: one that makes the trial force twice the bound
         k = np.where(force > 0, force, 1.0) / np.where(moved > 0, moved, 1.0)
-        k = np.where(self.exact, k, self.stiffness)[:, None]
+        k, exact = np.where(exact, k[:, None], stiffness), exact[:, None]
         trial = local.tangential_force + k * way if t > 1 else BEYOND * self.direction
         by = self.rule.mapped(trial, local.normal_force, local.slip)[2]
         J = np.where(slips, by.trial, 0.0)
@@ -182,26 +176,17 @@ class Tangent:
         B = M @ by.slip
         return Slopes(spring + B, elastic + np.where(exact, 0.0, J), B, M, by_normal, trial)
 
-    @property
-    def slope(self) -> Array:
-        """See the class."""
-        return self.slopes.by_normal
-
-    @property
-    def spring(self) -> Array:
-        """See the class; of a point that sticks with a finite stiffness that stiffness."""
-        return self.slopes.spring
+    slope = property(lambda self: self.slopes.by_normal, doc="See the class.")
+    spring = property(
+        lambda self: self.slopes.spring,
+        doc="See the class; of a point that sticks with a finite stiffness that stiffness.",
+    )
 
     @cached_property
     def conditions(self) -> Conditions:
         """Return what a linear solve holds every point to, with nothing that drives it."""
         still, slopes = np.zeros(self.local.slip.shape), self.slopes
         return Conditions(self.closed, self.stick, still, slopes.spring, still, slopes.by_normal)
-
-    @property
-    def zone(self) -> tuple[Zone, object]:
-        """The dense problem of points that may carry a force, and the key of the conditions."""
-        return self.zones.fitting(self.conditions, self.local.gap)
 
     # -- how far it holds -----------------------------------------------------------------------
 
@@ -210,7 +195,7 @@ class Tangent:
         """Bound of the friction force, zero at open points, (m,) [force]."""
         return np.where(self.closed, self.rule.bound(self.local.normal_force, self.local.slip), 0.0)
 
-    @cached_property
+    @property
     def presses(self) -> Mask:
         """Closed points whose bound follows the normal force: not of glue that is pulled, (m,)."""
         pulled = self.answer.model.interface.bilateral & (self.local.normal_force < 0)
@@ -222,6 +207,21 @@ class Tangent:
         return np.where(self.presses, self.rule.slope(self.local.normal_force, self.local.slip), 0.0)
 
     @cached_property
+    def margins(self) -> tuple[Array, Array]:
+        """How far points are from opening or closing, and from sticking or slipping; see `margin`."""
+        local, interface = self.local, self.answer.model.interface
+        resistance, gap = self.problem.resistance, np.where(np.isfinite(local.gap), local.gap, np.inf)
+        with np.errstate(invalid="ignore"):  # a point without a partner resists nothing
+            apart = np.where(self.closed, local.normal_force, resistance.normal * gap)
+        never = interface.bilateral | (~self.closed & np.isinf(gap))
+        along = np.sum(self.answer.plastic_slip * unit_vectors(local.tangential_force), axis=1)
+        lacking = self.bound - lengths(local.tangential_force)
+        slides = np.where(local.status == SLIP, resistance.tangential * along, lacking)
+        rubs = self.closed & interface.frictional
+        found = np.where(never, np.inf, apart), np.where(rubs, slides, np.inf)
+        return found[0] / self.largest_force, found[1] / self.largest_force
+
+    @cached_property
     def margin(self) -> Array:
         """Return how far each point is from its next change, shape (m,): a force over the largest one.
 
@@ -229,40 +229,17 @@ class Tangent:
         and of a slipping one its slip in the step, times what the point resists by itself. Infinite
         where nothing can change.
         """
-        local, interface = self.local, self.answer.model.interface
-        along = self.problem.resistance.tangential * np.sum(
-            self.answer.plastic_slip * self.toward, axis=1
-        )
-        lacking = self.bound - lengths(local.tangential_force)
-        slides = np.where(local.status == SLIP, along, lacking)
-        rubs = self.closed & interface.frictional
-        found = np.minimum(self._apart, np.where(rubs, slides, np.inf))
-        return np.asarray(np.maximum(found, 0.0) / self.largest_force)
-
-    @cached_property
-    def _apart(self) -> Array:
-        """Return how far each point is from opening or closing, (m,) [force]."""
-        local = self.local
-        gap = np.where(np.isfinite(local.gap), local.gap, np.inf)
-        with np.errstate(invalid="ignore"):  # a point without a partner resists nothing
-            found = np.where(self.closed, local.normal_force, self.problem.resistance.normal * gap)
-        never = self.answer.model.interface.bilateral | (~self.closed & np.isinf(gap))
-        return np.where(never, np.inf, found)
-
-    @cached_property
-    def toward(self) -> Array:
-        """Unit direction of the friction force of every point, zero without one."""
-        return unit_vectors(self.local.tangential_force)
+        return np.maximum(np.minimum(*self.margins), 0.0)
 
     @cached_property
     def kinks(self) -> Index:
         """Points at which the answer has a kink: a derivative to either side, which may differ."""
         return np.flatnonzero(self.margin <= SOLVED)
 
-    @cached_property
+    @property
     def touching(self) -> Mask:
         """Points that neither press nor are apart, (m,)."""
-        return np.asarray(self._apart <= SOLVED * self.largest_force)
+        return np.asarray(self.margins[0] <= SOLVED)
 
     @cached_property
     def slid(self) -> Mask:
@@ -273,28 +250,31 @@ class Tangent:
     @cached_property
     def largest_force(self) -> float:
         """The largest force of a point; without any, what would close the largest gap [force]."""
-        local = self.local
-        forces = np.maximum(np.abs(local.normal_force), lengths(local.tangential_force))
-        apart = np.where(np.isfinite(local.gap), local.gap, 0.0) * self.problem.resistance.normal
-        return largest(forces) or largest(np.nan_to_num(apart, posinf=0.0)) or 1.0
+        gap = np.where(np.isfinite(self.local.gap), self.local.gap, 0.0)
+        apart = np.nan_to_num(gap * self.problem.resistance.normal, posinf=0.0)
+        return largest_force(self.local) or largest(apart) or 1.0
 
-    def holding(self, closed: Index, stick: Index) -> Tangent:
-        """The tangent with these points closed, and these stuck, whose friction is what holds them."""
-        new, slopes = copy(self), self.slopes
-        new.closed, new.stick = self.closed.copy(), self.stick.copy()
-        new.closed[closed] = new.stick[stick] = True
-        free = ~np.isin(np.arange(len(self.closed)), closed)
-        new.slopes = Slopes(*((own.T * free).T for own in slopes))
-        vars(new).pop("conditions", None)
+    # -- solves, through the factors that are there ---------------------------------------------
+
+    def holding(self, closed: Mask, stick: Mask, slopes: Slopes) -> Tangent:
+        """The same with other points closed and stuck, and other friction."""
+        new = copy(self)
+        for name in ("bound", "bound_slope", "conditions"):
+            vars(new).pop(name, None)
+        vars(new).update(closed=closed, stick=stick, slopes=slopes)
         return new
+
+    @property
+    def zone(self) -> tuple[Zone, object]:
+        """The dense problem of points that may carry a force, and the key of the conditions."""
+        return self.zones.fitting(self.conditions, self.local.gap)
 
     def solve(self, force: ArrayLike) -> Array:
         """Changes of displacements (n,) under those of loads (n,), ``T (W'KT)^-1 W'``, by factors."""
         system = self.answer.system
         f = numbers(force, "force", "give a load (n,)")
-        if f.shape != (system.n,):
-            raise InputError(f"force has shape {f.shape}; give a load on all DOFs, ({system.n},)")
-        return self.displacements(*self.respond({"f": f / system.units})) / system.units
+        check_size(f, system.n, "force", f"and has to be a load on all DOFs, ({system.n},)")
+        return self.respond({"f": f / system.units})[1]() / system.units
 
     def case(self, given: Values) -> LoadCase:
         """Return the load case of changes of the loads f, x, and of gap0 and slip0."""
@@ -303,18 +283,17 @@ class Tangent:
         gap0 = given["gap0"].ravel() if "gap0" in given else np.zeros(m)
         return LoadCase(f, x, gap0, given.get("slip0", np.zeros((m, t))), np.zeros(m), ())
 
-    def respond(self, given: Values) -> tuple[LoadCase, Load, Response]:
-        """Return the response of the points to such changes, and to those of offset and anchor."""
+    def respond(self, given: Values) -> tuple[Response, Callable[[], Array]]:
+        """Response of the points to such changes, and to those of offset and anchor.
+
+        And how to find the displacements of all bodies (n,) that follow from it.
+        """
         held, case = self.conditions, self.case(given)
         anchor, offset = (given.get(name, held.anchor) for name in ("anchor", "offset"))
-        held = replace(held, anchor=anchor, offset=offset)
         with single_threaded:
             load, (zone, key) = self.problem.other_load(case), self.zone
-            return case, load, zone.solve(held, load, key)
-
-    def displacements(self, case: LoadCase, load: Load, response: Response) -> Array:
-        """Changes of all displacements (n,) that follow from what the points do."""
-        return self.recovered(self.problem.source(load, response).values, case)
+            found = zone.solve(replace(held, anchor=anchor, offset=offset), load, key)
+        return found, lambda: self.recovered(self.problem.source(load, found).values, case)
 
     def recovered(self, force: Array, case: LoadCase) -> Array:
         """Displacements (n,) under a load case and forces on the contact DOFs (n_c,)."""
@@ -387,15 +366,7 @@ def held_rows(kin: Kinematics, closed: Mask, stick: Mask, slope: Array | None = 
 
 def left_free(rows: csr_matrix, system: System) -> AffineConstraint:
     """What rows that are zero, and supports, leave free."""
-    from skfem_contact.elimination.constraint import eliminate
-
     return eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n))
-
-
-def differentiable(law: FrictionLaw) -> bool:
-    """Whether a law says how its bound changes: one of ours, or with a slope or map of its own."""
-    own = type(law)
-    return own.slope is not FrictionLaw.slope or own.return_map is not FrictionLaw.return_map
 
 
 def refuse(answer: Answer) -> None:
@@ -405,31 +376,27 @@ def refuse(answer: Answer) -> None:
     ------
     InputError
     """
-    model = answer.model
-    interface = model.interface
-    bare = [
-        f"{type(law.law).__name__} of contact '{law.contact}'"
-        for _, law in interface.laws
-        if not differentiable(law.law)
+    model, interface = answer.model, answer.model.interface
+    remembers = [getattr(body, "initial_state", None) for body in model.system.bodies]
+    laws = [
+        own for _, own in interface.laws if own.by_bound and type(own.law).slope is FrictionLaw.slope
     ]
-    reasons: dict[str, Any] = {
+    bare = ", ".join(f"{type(own.law).__name__} of contact '{own.contact}'" for own in laws)
+    reasons = {
         f"it did not converge ({answer.message})": not answer.converged,
         'contact slides far (sliding="finite"): how its pairing changes is not differentiated. Where '
         'slips are short, sliding="small" has derivatives': model.geometry.follows,
         "surfaces wear: the depth worn off is not differentiated. Leave wear out of the contact": (
-            interface.wear or np.any(answer.state.wear)
+            bool(interface.wear) or np.any(answer.state.wear)
         ),
         f"its load step was cut into {answer.parts} parts, whose states are not kept. Give the history "
         "smaller steps": answer.parts > 1,
         "conditions of its points depend on each other, so that forces are not unique. Let contacts "
         "share no edge, and make a held tool no finer than what it presses": answer.springs,
-        "a body may stand elsewhere as well. Prescribe a DOF (D=...)": answer.indifferent,
-        "a material has internal variables, which are not differentiated": any(
-            getattr(body, "initial_state", None) for body in model.system.bodies
-        ),
-        f"the law {', '.join(bare)} has no slopes of its own, and "
-        "difference quotients leave six digits. Give it a method slope(...), the derivative of its "
-        "limit by the normal force, or a return_map(...)": bare,
+        "a body may stand elsewhere as well. Prescribe a DOF (D=...)": bool(answer.indifferent),
+        "a material has internal variables, which are not differentiated": any(remembers),
+        f"the law {bare} has no slopes of its own, and difference quotients leave six digits. Give it "
+        "slope(...), the derivative of its limit by the normal force, or a return_map(...)": bool(bare),
         f"the contact problem has no matrix on this route ({model.route}). Make the solver with "
         'linear="condensed"': model.for_tangents is None,
     }

@@ -43,6 +43,8 @@ from skfem_contact.answers.validity.validity import (
     strain_words,
 )
 from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN
@@ -72,7 +74,7 @@ def assess(result: Answer) -> Validity:
     for name in measured.bounded:
         found = measured.of_body(name)
         problems |= {(kind, name): words for kind, words in found.items()}
-    problems |= leaning(result.diagnostics.leaning)
+    problems |= leaning(result.system, result.diagnostics.leaning)
     for (kind, name), text in problems.items():
         issued = (kind, name) in result.diagnostics.issued
         issued |= kind == "overlap" and result.diagnostics.prescribed(name)
@@ -146,12 +148,22 @@ class Assessment:
         """Return what is beyond its bound of one contact, in words by kind; of the kinds asked for."""
         found, drift, contact = {}, self.drift(i), self.result.contacts[i]
         if not drift.small_sliding_holds:
-            found["sliding"] = sliding_words(drift)
+            found["sliding"] = sliding_words(drift, self._turning(i))
         elif "overlap" in kinds:  # small sliding that does not follow is the reason already
             found["overlap"] = self._overlap(i)
         if drift.facets_too_long:
             found["facets"] = facet_words(drift, contact.rigid)
         return {kind: words for kind, words in found.items() if words and kind in kinds}
+
+    def _turning(self, i: int) -> list[str]:
+        """Names of linear bodies that turn so far that torques are off where contact slides far."""
+        contact, system = self.result.contacts[i], self.system
+        sides = contact.secondary, contact.primary
+        names = {system.names[system.index(s.body)] for s in sides if isinstance(s, ContactSurface)}
+        most = A_TENTH * min(_coefficient(contact), 1.0)
+        return [
+            n for n in self.bounded if n in names and self.strains(n)[2] > max(most, self.strains(n)[0])
+        ]
 
     def _contact(self, i: int) -> ContactValidity:
         """All that is measured of one contact."""
@@ -159,9 +171,7 @@ class Assessment:
         closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
         meeting = self.meeting(i)
         angle = float(np.max(result.kin.tilt[part][closed], initial=0.0))
-        law = result.contacts[i].friction
-        coefficient = law.smaller if isinstance(law, OrthotropicCoulomb) else getattr(law, "mu", np.nan)
-        mu = float(np.max(coefficient))
+        mu = _coefficient(result.contacts[i])
         share = angle / mu if mu > 0 else np.nan
         seen = meeting.overlap, meeting.chords, meeting.unseen, meeting.opening
         return ContactValidity(self.drift(i), *seen, angle, share)
@@ -246,3 +256,10 @@ class Assessment:
         tool = tool_motion(self.system, contact, track, result.u)
         found = track.drift(closed, slip, gap, force, drift.approach, result.worn_case, i, part, tool)
         return replace(drift, **found)
+
+
+def _coefficient(contact: Contact) -> float:
+    """The largest coefficient of friction of a contact; NaN without one."""
+    law = contact.friction
+    coefficient = law.smaller if isinstance(law, OrthotropicCoulomb) else getattr(law, "mu", np.nan)
+    return float(np.max(coefficient))

@@ -163,7 +163,10 @@ class ContactWatch:
         sagitta = self._sagitta(state)
         if not count and not (small and self.rigid):
             return Drift(sagitta=sagitta)
-        approach, strain = self._pressed(closed, state.normal_force[part])
+        force = state.normal_force[part]
+        if track.stretched:  # glue may twist
+            force = np.hypot(force, np.linalg.norm(state.tangential_force[part], axis=1))
+        approach, strain = self._pressed(closed, force)
         if followed is None:
             approach = beyond_round_off(approach, self.extent)
             return Drift(count, approach=approach, strain=strain, sagitta=sagitta)

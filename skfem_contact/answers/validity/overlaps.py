@@ -29,7 +29,7 @@ from skfem_contact.answers.validity.deformed_boundaries import (
 )
 from skfem_contact.answers.validity.edges import Edges, crossing, sharp_edges_of
 from skfem_contact.answers.validity.support import Extrapolation
-from skfem_contact.answers.validity.track import Track
+from skfem_contact.answers.validity.track import Rim, Track
 from skfem_contact.answers.validity.validity import Drift
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body
@@ -230,12 +230,12 @@ def depth_in_solid(contact: Contact, pairing: Pairing) -> float:
     """
     obstacle, surface = _shape(contact), contact.secondary
     outline, paired = obstacle.outline, pairing.paired
-    if outline is not None and not getattr(obstacle, "closed", False):
-        return 0.0  # of an open outline it is not known on which side points far from it are
     known = contact.gap is not None or contact.adjust
     if paired.any() and (outline is None or known or np.any(pairing.gap[paired] <= 0)):
         return 0.0  # what overlaps is seen
     distance = signed_distance(obstacle, surface, surface.points)
+    if outline is not None and np.any(abs(distance) >= abs(Rim.of(outline).beyond(surface.points))):
+        return 0.0  # on which side of an open outline points beyond its ends are is not known
     noise = SOLVED * float(np.max(np.ptp(surface.points, axis=0)))
     deepest = -float(distance.min())
     return deepest if deepest > noise and np.all(distance <= noise) else 0.0
@@ -243,8 +243,11 @@ def depth_in_solid(contact: Contact, pairing: Pairing) -> float:
 
 def in_solid_words(contact: Contact, depth: float) -> str:
     """Say that a surface lies in the solid of its obstacle, and what to do."""
-    hollow = getattr(_shape(contact), "hollow", None)
+    shape = _shape(contact)
+    hollow = getattr(shape, "hollow", None)
     way = "turn the sign of its function" if hollow is None else f"give it hollow={not hollow}"
+    if not getattr(shape, "closed", True):
+        way = "give its points, or the corners of its triangles, the other way round"
     return (
         f"nothing touches. From the beginning all of {contact.secondary.label!r} lies where "
         f"{contact.primary.label!r} is solid{', which is round its hole' if hollow else ''}, by up to "

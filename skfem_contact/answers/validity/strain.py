@@ -33,13 +33,16 @@ from theirs is no locking, and taken off: reduced integration, other materials, 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import skfem
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import A_TENTH, ALTERNATING, LOCKED, STIFF_BULK
+from skfem_contact.answers.placed import point_forces
+from skfem_contact.answers.thresholds import A_TENTH, ALTERNATING, LOCKED, STIFF_BULK, SUPPORTED
+from skfem_contact.answers.validity.support import Support
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.quadrature import (
@@ -54,7 +57,10 @@ from skfem_contact.bodies.quadrature import (
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.geometry import surface_dofs
+from skfem_contact.digits import SOLVED
+from skfem_contact.pairing.vectors import cross
 
 
 def strains(body: Body, u: Array) -> tuple[float, float, float]:
@@ -117,9 +123,18 @@ def _strained(body: Body, basis: Any, u: Array, elements: Any) -> tuple[Array, A
 def rigid_rotations(system: System, contacts: Sequence[Contact], surface: Array) -> dict[str, float]:
     """Mean rotation of the surfaces that slide far, by body name [rad], counterclockwise.
 
-    The angle of the rigid motion that is closest to the displacements of all nodes of a body that
-    belong to such a surface; in 3-D the size of its rotation vector. Bodies without such a surface are
-    left out.
+    In 3-D the size of the rotation vector; see `_turns` for the parameters.
+    """
+    return {name: _angle(turn) for name, (turn, *_) in _turns(system, contacts, surface).items()}
+
+
+def _turns(
+    system: System, contacts: Sequence[Contact], surface: Array
+) -> dict[str, tuple[Array, Array, Array]]:
+    """The rotation (d, d) of each body, with a point (d,) and where that has come, by name.
+
+    Those of the rigid motion that is closest to the displacements of all nodes of a body that belong to
+    a surface that slides far. Bodies without such a surface are left out.
 
     Parameters
     ----------
@@ -139,39 +154,102 @@ def rigid_rotations(system: System, contacts: Sequence[Contact], surface: Array)
             i = system.index(side.body)
             u = surface[np.searchsorted(dofs, system.offsets[i] + side.dofs)]
             nodes.setdefault(i, []).append((side.points, u))
-    angles = {}
+    found = {}
     for i, pairs in sorted(nodes.items()):
         x = np.concatenate([points for points, _ in pairs])
         y = x + np.concatenate([u for _, u in pairs])
-        x, y = x - x.mean(axis=0), y - y.mean(axis=0)
-        angles[system.names[i]] = _angle(x, y)
-    return angles
+        old, new = x.mean(axis=0), y.mean(axis=0)
+        left, _, right = np.linalg.svd((y - new).T @ (x - old))
+        left[:, -1] *= np.sign(np.linalg.det(left) * np.linalg.det(right))  # no mirror image
+        found[system.names[i]] = left @ right, old, new
+    return found
 
 
-def _angle(x: Array, y: Array) -> float:
-    """The angle of the rotation that is closest to the way from points (n, d) to others, about 0."""
-    left, _, right = np.linalg.svd(y.T @ x)
-    left[:, -1] *= np.sign(np.linalg.det(left) * np.linalg.det(right))  # no mirror image
-    turn = left @ right
+def _angle(turn: Array) -> float:
     if len(turn) == 2:
         return float(np.arctan2(turn[1, 0], turn[0, 0]))
     vector = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     return float(np.arctan2(np.linalg.norm(vector), np.trace(turn) - 1))
 
 
-def leaning(shares: dict[str, float]) -> dict[tuple[str, str], str]:
-    """What moments of second order change of rigid bodies' motion, beyond its bound, in words."""
+def turned_arms(result: Answer, supports: Sequence[Support]) -> dict[str, float]:
+    """Moments that linear bodies leave out where they turn and slide far, over friction's, by name.
+
+    Contact acts where points are now; the stiffness has the arms of the undeformed body. Under forces f
+    at arms a, what has turned by R is out of balance by the sum of ``(R a - a) x f``. A pin under a
+    force N has N times its radius times its angle, beside a torque of friction of mu N times its
+    radius. Supports that hold a body against turning take it up, and nothing else feels it.
+    """
+    system, kin, local = result.system, result.kin, result.local
+    far = result.model.geometry.finite
+    bound = np.where(far, friction_bound(result.model.interface.laws, local), 0.0)
+    if not bound.any():
+        return {}
+    normal, along = np.where(far, local.normal_force, 0.0), local.tangential_force * far[:, None]
+    f = result.load + point_forces(kin, replace(local, normal_force=normal, tangential_force=along))
+    shares = {}
+    for name, (turn, old, new) in _turns(system, result.contacts, result.state.surface).items():
+        body, d = system.solids[name], len(turn)
+        axes, size, _ = np.linalg.svd(supports[system.index(name)].free[d:])
+        force = np.eye(d)[body.dof_component] * f[system.slice(body), None]
+        centre = _held_at(body, result.contacts, force)
+        turns = axes[:, : np.count_nonzero(size > SUPPORTED)]
+        if body.finite_strain or centre is None or not turns.size:
+            continue
+        missing = cross((body.dof_points - centre) @ (turn.T - np.eye(d)), force).sum(axis=0)
+        sides = [(c.secondary.body, getattr(c.primary, "body", None)) for c in result.contacts]
+        counts = [part.stop - part.start for part in result.slices()]
+        own = np.repeat([any(side is body for side in both) for both in sides], counts)
+        arms = np.linalg.norm(kin.points - new - (centre - old) @ turn.T, axis=1)
+        most = float(bound[own] @ arms[own])
+        if most > 0:
+            shares[name] = float(np.linalg.norm(missing @ turns)) / most
+    return shares
+
+
+def _held_at(body: Body, contacts: Sequence[Contact], force: Array) -> Array | None:
+    """Where what is not among the forces (n, d) on a body holds it, by which moments are taken.
+
+    Supports and contact with small sliding; None where springs in K do, whose place is not known.
+    """
+    sides = [s for c in contacts if c.sliding == "small" for s in (c.secondary, c.primary)]
+    held = [s.points for s in sides if isinstance(s, ContactSurface) and s.body is body]
+    held.append(body.dof_points[body.D])
+    if sum(map(len, held)):
+        return np.asarray(np.concatenate(held).mean(axis=0))
+    left, sizes = np.abs(force.sum(axis=0)).max(), np.abs(force).sum()
+    return np.asarray(body.dof_points.mean(axis=0)) if left <= SOLVED * sizes else None
+
+
+def leaning(system: System, shares: dict[str, float]) -> dict[tuple[str, str], str]:
+    """What moments of second order change beyond its bound, in words; by `second_order` of a step.
+
+    Of rigid bodies over their motion, of others over what friction can hold, see `turned_arms`.
+    """
+    found = {("second order", name): share for name, share in shares.items() if share > A_TENTH}
     return {
-        ("second order", name): (
-            "Rigid bodies carry their loads along, and contact forces act where the points have moved "
-            "to: small sliding, which has the arms of the undeformed place, leaves out the moment of "
-            f"that. It would change the motion of {name!r} by {100 * share:.3g} % at first, and "
-            "without end where a body rolls off or topples. Give its contacts sliding='finite', or "
-            "hold its rotation by D."
-        )
-        for name, share in shares.items()
-        if share > A_TENTH
+        key: (_turned_words if key[1] in system.solids else _rolling_words)(key[1], share)
+        for key, share in found.items()
     }
+
+
+def _turned_words(name: str, share: float) -> str:
+    return (
+        f"Body {name!r} is linear and has turned: its stiffness has the arms of the undeformed body, "
+        "while contact with sliding='finite' acts where points are now. The moments that this leaves "
+        f"out are {100 * share:.3g} % of what friction can hold, and torques may be off by as much. "
+        "Take a NonlinearBody, with sliding='finite' in all contacts that turn with it, glue too; or a "
+        "RigidBody."
+    )
+
+
+def _rolling_words(name: str, share: float) -> str:
+    return (
+        "Rigid bodies carry their loads along, and contact forces act where the points have moved to: "
+        "small sliding, which has the arms of the undeformed place, leaves out the moment of that. It "
+        f"would change the motion of {name!r} by {100 * share:.3g} % at first, and without end where a "
+        "body rolls off or topples. Give its contacts sliding='finite', or hold its rotation by D."
+    )
 
 
 # -- locking ---------------------------------------------------------------------------------------

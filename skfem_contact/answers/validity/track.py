@@ -99,6 +99,8 @@ class Track:
             self.width[self.secondary.facets[:, :2][self.secondary.twins < 0]] *= 2.0
         self.added = np.where(self.paired, gap0 + own - gap, 0.0)
         self.follows, self.nodal = not contact.tied, contact.method == "node"
+        # a turn that is linear stretches what is glued: linear bodies do not feel it
+        self.stretched = contact.tied and getattr(self.secondary.body, "finite_strain", False)
         self.by_node = _by_node(pairing)
         self.curved = False
         # a gap that is given, or zero as meshed, knows the curves
@@ -274,6 +276,10 @@ class Track:
         found: dict[str, Any] = {}
         moved = np.linalg.norm(motion.shift(self.points), axis=1)
         found["motion"] = float(np.max(moved[closed], initial=0.0))
+        if self.stretched and tool is not None:
+            off = np.linalg.norm(motion.shift(self.points) - carried, axis=1)
+            error = float(np.max(off[closed], initial=0.0))
+            found |= {"gap_error": error, "gap_share": error / approach if approach > 0 else 0.0}
         if not self.follows or (isinstance(obstacle, RigidPlane) and not motion.turns):
             return found
         gap = np.where(self.paired, gap, 0.0)  # without a partner there is none
@@ -413,8 +419,8 @@ class Rim:
         start, end = self.corners[near, 0], self.corners[near, -1]
         away = off_segments(points[:, None], start, end - start)
         distance = np.linalg.norm(away, axis=2)
-        # of two edges that meet at the nearest corner the one that the point is farther out of
+        # where two edges meet at the nearest corner the sum of both tells, of notches and holes as well
         out = np.sum(away * self.outward[near], axis=2)
         nearest = distance <= distance.min(axis=1, keepdims=True) * (1 + SOLVED)
-        out = np.where(nearest, out, -np.inf).max(axis=1)
+        out = np.sum(out, axis=1, where=nearest)
         return np.where(out > 0, 1.0, -1.0) * distance.min(axis=1)

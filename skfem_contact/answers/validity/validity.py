@@ -27,6 +27,7 @@ rest.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import field
 from typing import TYPE_CHECKING
 
@@ -182,7 +183,7 @@ class Diagnostics:
     undetected : dict
         What is to be said of obstacles that conditions do not see, by the contact's number.
     leaning : dict
-        What moments of second order change of the motion of rigid bodies, over that motion, by name.
+        `Validity.second_order`.
     stretches : dict
         How far supports move against each other, over the extent of their body, by name.
     meetings : dict
@@ -292,7 +293,8 @@ class Validity(NamesAttributes):
         "second order") and name of the contact or body.
     second_order : dict of float
         What the moments of second order that small sliding leaves out would change of the motion of
-        rigid bodies that may turn, over that motion.
+        rigid bodies that may turn, over that motion; and the moments that linear bodies leave out
+        which turn and slide far, over what friction can hold.
     locking : dict of float
         Of bodies that are nearly incompressible, the share of the energy that neighbouring elements
         take back, see `locking`.
@@ -371,7 +373,7 @@ class Validity(NamesAttributes):
             )
         for name, share in self.second_order.items():
             lines.append(
-                f"  {name}: moments of second order would change its motion by {100 * share:.2g} % "
+                f"  {name}: moments of second order that are left out {100 * share:.2g} % "
                 f"(up to {100 * A_TENTH:g} %)"
             )
         return "\n".join(lines)
@@ -414,8 +416,8 @@ def _contact_lines(part: ContactValidity) -> list[str]:
 # -- sentences ----------------------------------------------------------------------------------------
 
 
-def sliding_words(drift: Drift) -> str:
-    """Say what small sliding does wrong, and what to do."""
+def sliding_words(drift: Drift, turning: Sequence[str] = ()) -> str:
+    """Say what small sliding does wrong, and what to do; with linear bodies that turn."""
     found = []
     if drift.slides_far:
         found.append(
@@ -447,9 +449,17 @@ def sliding_words(drift: Drift) -> str:
         )
     if drift.motion and not drift.slides_far:
         found.append(f"the obstacle has moved by {drift.motion:.3g}")
+    out = "Give the contact sliding='finite'."
+    if turning:
+        names = ", ".join(map(repr, turning))
+        out = (
+            f"A linear body that turns, as {names} does, has wrong torques with sliding='finite' as "
+            "well: take a NonlinearBody or a RigidBody in its place, and sliding='finite' in all of "
+            "its contacts."
+        )
     return (
         "small sliding, which keeps partners, normals and gaps of the undeformed bodies, does not "
-        "follow: " + "; ".join(found) + ". Give the contact sliding='finite'."
+        "follow: " + "; ".join(found) + f". {out}"
     )
 
 
@@ -520,7 +530,13 @@ def _way_out(part: ContactValidity, contact: Contact, meeting: Meeting) -> str:
         far = "Enlarge `reach`, or give" if contact.reach is not None else "Give"
         return f"{far} the contact sliding='finite'"
     if isinstance(contact.primary, Obstacle):
-        return "Refine the surface, whose facets are too long for what presses between their nodes"
+        finer = "Refine the surface, whose facets are too long for what presses between their nodes"
+        if meeting.side == 0:
+            return finer
+        drawn = (
+            f"Where the straight pieces of {contact.primary.label!r} stand for a curve (STL), give it"
+        )
+        return f"{drawn} shorter ones, four or more across the contact. Otherwise: {finer.lower()}"
     if part.drift.slip >= part.overlap:  # a slip goes no deeper than it is long
         return "Give the contact sliding='finite'"
     if contact.method == "node":

@@ -13,7 +13,13 @@ from skfem_contact.answers.thresholds import A_TENTH, SUSPECTED
 from skfem_contact.answers.validity.assess import Assessment
 from skfem_contact.answers.validity.contact_watch import ContactWatch
 from skfem_contact.answers.validity.overlaps import Overlaps
-from skfem_contact.answers.validity.strain import leaning, lockable, may_lock, rigid_rotations
+from skfem_contact.answers.validity.strain import (
+    leaning,
+    lockable,
+    may_lock,
+    rigid_rotations,
+    turned_arms,
+)
 from skfem_contact.answers.validity.support import Support, off_rigid
 from skfem_contact.answers.validity.validity import Diagnostics, Issued
 from skfem_contact.arrays import Array, Index
@@ -126,6 +132,7 @@ class Watch:
             stretches = stretches | off_rigid(self.floating, u)
         if len(state.surface):  # of what slides far
             turns = turns | rigid_rotations(self.system, self.contacts, state.surface)
+            leaning = leaning | turned_arms(result, self.supports)
         undetected = {
             watch.i: watch.undetected(state, gap, case, u, drift)
             for watch, drift in zip(self.watches, drifts, strict=True)
@@ -183,7 +190,7 @@ class Watch:
             new |= {(kind, name) for kind in found}
             if found:
                 warn(f"Contact {name!r} ({contact.label}): " + " ".join(found.values()) + ONCE)
-        problems = leaning(known.leaning)
+        problems = leaning(self.system, known.leaning)
         for name in bodies:
             problems |= {(kind, name): words for kind, words in measured.of_body(name).items()}
         for key, words in problems.items():
