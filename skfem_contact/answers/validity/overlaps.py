@@ -4,7 +4,7 @@ The points of both surfaces, and those between them, are looked for in the whole
 side, by what a step knows of displacements: those of contact surfaces and supports, extrapolated to the
 rest of the boundary (`Extrapolation`). That is a suspicion: the verdict is that of `assess`, with all
 displacements. Where bodies slide far anything may come to overlap in any step; with small sliding
-overlaps of solids grow as forces do, and `watch` has them measured once for every doubling.
+overlaps of solids grow as forces do, and `watch` looks once for every doubling.
 
 What obstacles hide goes by kinds that each have a shape for it:
 
@@ -15,7 +15,7 @@ What obstacles hide goes by kinds that each have a shape for it:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -26,6 +26,7 @@ from skfem_contact.answers.validity.deformed_boundaries import (
     Boundary,
     BoundaryNodes,
     signed_distance,
+    within,
 )
 from skfem_contact.answers.validity.edges import Edges, crossing, sharp_edges_of
 from skfem_contact.answers.validity.support import Extrapolation
@@ -57,6 +58,8 @@ class Overlaps:
     Parameters
     ----------
     geometry : Geometry
+    known : callable
+        Gives the DOFs whose displacements are known without the interior.
 
     Attributes
     ----------
@@ -64,8 +67,9 @@ class Overlaps:
         Contacts that slide far, to be looked at after every step, and solids with small sliding.
     """
 
-    def __init__(self, geometry: Geometry) -> None:
+    def __init__(self, geometry: Geometry, known: Callable[[], Index]) -> None:
         self.geometry, self.system, self.contacts = geometry, geometry.system, geometry.contacts
+        self.known = known
         self.held = np.asarray(self.system.D)
         two = [i for i, c in enumerate(self.contacts) if of_two_bodies(c)]
         self.far = [i for i in two if self.contacts[i].sliding == "finite"]
@@ -74,29 +78,34 @@ class Overlaps:
     @cached_property
     def nodes(self) -> dict[int, BoundaryNodes]:
         """The boundaries of all bodies that are looked at, by number."""
-        bodies = {self.system.index(s.body) for i in self.far for s in sides_of(self.contacts[i])}
+        bodies = {
+            self.system.index(s.body) for i in self.far + self.near for s in sides_of(self.contacts[i])
+        }
         return {
             b: BoundaryNodes.of(body)
             for b, body in enumerate(self.system.bodies)
             if b in bodies and isinstance(body, Body)
         }
 
-    @cached_property
-    def beside(self) -> dict[int, Extrapolation]:
-        """What is not known of them by surfaces that slide far."""
+    #: What is not known of them by surfaces that slide far, and by all contacts without the interior.
+    beside_surfaces = cached_property(lambda self: self._beside(self.geometry.surface_dofs))
+    beside_contacts = cached_property(lambda self: self._beside(self.known()))
+
+    def _beside(self, dofs: Index) -> dict[int, Extrapolation]:
         known = np.zeros(self.system.n, dtype=bool)
-        known[self.geometry.surface_dofs] = known[self.held] = True
+        known[dofs] = True
+        known[self.held] = True
         return {b: Extrapolation(self.system, nodes, known) for b, nodes in self.nodes.items()}
 
     @cached_property
     def chords(self) -> dict[int, list[float]]:
         """How far what is drawn of both sides stands off them, by the contact's number."""
-        return {i: [drawn_off(s) for s in sides_of(self.contacts[i])] for i in self.far}
+        return {i: [drawn_off(s) for s in sides_of(self.contacts[i])] for i in self.far + self.near}
 
     @cached_property
     def edges(self) -> dict[int, list[Edges]]:
         """Edges of both sides of solids, by the contact's number."""
-        solid = [i for i in self.far if self.contacts[i].secondary.dim == 3]
+        solid = [i for i in self.far + self.near if self.contacts[i].secondary.dim == 3]
         return {i: [sharp_edges_of(s) for s in sides_of(self.contacts[i])] for i in solid}
 
     def look_far(
@@ -112,24 +121,56 @@ class Overlaps:
         """
         u = self.geometry.spread(state.surface)
         u[self.held] = case.x[self.held]
-        parts = {b: unknown.filled(u) for b, unknown in self.beside.items()}
-        return frozenset(
-            i for i in self.far if self._overlaps(i, parts, case, tracks[i].added, drifts[i].approach)
+        return self._look(self.far, self.beside_surfaces, u, case, tracks, drifts)
+
+    def look_near(
+        self, i: int, u: Array, case: LoadCase, tracks: Sequence[Track], drifts: Sequence[Drift]
+    ) -> bool:
+        """Whether solids with small sliding seem to, by displacements (n,) of contacts and supports."""
+        hidden = self._hidden(i, tracks[i])
+        return hidden or bool(self._look([i], self.beside_contacts, u, case, tracks, drifts))
+
+    def _hidden(self, i: int, track: Track) -> bool:
+        """Whether nodes in no row lie among those that are: only the interior knows their places."""
+        known = np.zeros(self.system.n, dtype=bool)
+        known[self.known()] = known[self.held] = True
+        x = np.concatenate([track.points[track.paired], track.feet[track.paired]])
+        if not len(x):
+            return True
+        room = float(np.max(np.abs(track.points - track.feet))) + float(np.max(track.sagittas))
+        room += SOLVED * self.system.extent
+        box = x.min(axis=0) - room, x.max(axis=0) + room
+        return any(
+            within(side.points[~known[self.system.slice(side.body)][side.dofs].all(axis=1)], box).any()
+            for side in sides_of(self.contacts[i])
         )
 
-    def _overlaps(
-        self, i: int, parts: dict[int, Array], case: LoadCase, added: Array, approach: float
-    ) -> bool:
-        """Whether one contact seems to, by displacements of bodies by number."""
-        noise, sides = SOLVED * self.system.extent, sides_of(self.contacts[i])
-        added = np.nan_to_num(added - case.interference[self.geometry.point_slices[i]])
-        numbers = [self.system.index(side.body) for side in sides]
-        nodes = [s.points + parts[b][s.dofs] for s, b in zip(sides, numbers, strict=True)]
-        whole = [self.nodes[b] for b in numbers]
-        others = [w.at(w.points + parts[b][w.dofs]) for w, b in zip(whole, numbers, strict=True)]
-        return any(
-            self._beyond(i, k, others[1 - k], nodes, added, approach, noise) for k in range(2)
-        ) or (i in self.edges and crossing(self.edges[i], nodes, added, approach, noise) is not None)
+    def _look(
+        self,
+        some: Sequence[int],
+        beside: dict[int, Extrapolation],
+        u: Array,
+        case: LoadCase,
+        tracks: Sequence[Track],
+        drifts: Sequence[Drift],
+    ) -> frozenset[int]:
+        parts = {b: unknown.filled(u) for b, unknown in beside.items()}
+        found, noise = set(), SOLVED * self.system.extent
+        for i in some:
+            added = tracks[i].added - case.interference[self.geometry.point_slices[i]]
+            added, approach = np.nan_to_num(added), drifts[i].approach
+            numbers = [self.system.index(side.body) for side in sides_of(self.contacts[i])]
+            places = [self.nodes[b].points + parts[b][self.nodes[b].dofs] for b in numbers]
+            nodes = [
+                s.points + parts[b][s.dofs]
+                for s, b in zip(sides_of(self.contacts[i]), numbers, strict=True)
+            ]
+            others = [self.nodes[b].at(x) for b, x in zip(numbers[::-1], places[::-1], strict=True)]
+            if any(self._beyond(i, k, others[k], nodes, added, approach, noise) for k in range(2)) or (
+                i in self.edges and crossing(self.edges[i], nodes, added, approach, noise)
+            ):
+                found.add(i)
+        return frozenset(found)
 
     def _beyond(
         self,

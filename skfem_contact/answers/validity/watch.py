@@ -59,7 +59,7 @@ class Watch:
         self.moves = kin.tangents == self.dim - 1
         if not self.moves:  # a scalar field
             return
-        self.overlaps = Overlaps(geometry)
+        self.overlaps = Overlaps(geometry, known)
         bodies = zip(self.system.bodies, self.system.offsets[:-1], strict=True)
         self.supports = [Support.of(b, int(start), arm=self.system.extent) for b, start in bodies]
         self.watches = [
@@ -202,8 +202,8 @@ class Watch:
     def _suspected(self, result: Answer) -> tuple[dict[int, set[str]], Issued]:
         """What seems to be wrong with contacts and has not been said, by kind; looks that are kept.
 
-        Where corners and edges may stand between points that press, overlaps are measured at the first
-        step, and once for each doubling of the approach; before anything presses, of the motion.
+        Where corners and edges may stand between points that press, overlaps are looked for at the
+        first step, and once for each doubling of the approach; before anything presses, of the motion.
         """
         known, case = result.diagnostics, result.case
         found: dict[int, set[str]] = {}
@@ -215,7 +215,12 @@ class Watch:
                 moved = max(float(np.linalg.norm(v)) for v in (case.x, case.motion[i].translation))
                 seen = _look("overlap", name, drift.approach or moved, known.issued)
                 looked |= seen
-                overlaps |= bool(seen)
+                if seen and i in self.overlaps.near:
+                    u = result.recover.at_contact()
+                    at = result.worn_case, self.tracks, known.drifts
+                    overlaps |= self.overlaps.look_near(i, u, *at)
+                else:
+                    overlaps |= bool(seen)
             beyond = {
                 "sliding": not drift.small_sliding_holds,
                 "facets": self.watches[i].seems_coarse(result, drift),
