@@ -150,11 +150,13 @@ def bends(surface: ContactSurface) -> tuple[Array, Array]:
     (False, (4, 4, 3))
     """
     x = surface.points[surface.facets[:, : surface.kind.corners]]
-    edges, bend, kinked = np.roll(x, -1, axis=1) - x, curvatures(surface), kinked_edges(surface)
+    edges, bend = np.roll(x, -1, axis=1) - x, curvatures(surface)
     if surface.dim == 2:
         edges = edges[:, :1] * (surface.lengths / np.linalg.norm(edges[:, 0], axis=1))[:, None, None]
-        bend[kinked.any(axis=1)] = 0.0
-    elif bend.any() and kinked.any():
+    if surface.dim == 2 and bend.any():
+        bend[kinked_edges(surface).any(axis=1)] = 0.0
+    elif bend.any():
+        kinked = kinked_edges(surface)
         for way in np.moveaxis(kinked[..., None] * edges, 1, 0):  # faces do not bend along these
             along = way / np.maximum(np.linalg.norm(way, axis=1), np.finfo(float).tiny)[:, None]
             across = np.eye(3) - along[:, :, None] * along[:, None, :]
@@ -186,6 +188,10 @@ def curvatures(surface: ContactSurface) -> Array:
     n = surface.facet_node_normals[:, :c]
     if np.max(np.abs(n - surface.facet_normals[:, None])) < COMPUTED**0.5:
         return np.zeros((len(x), d, d))
+    if d == 2:  # of a curve as that of a circle, whose normal turns along all ways by as much
+        along = x[:, 1] - x[:, 0]
+        turn = dot(n[:, 1] - n[:, 0], along) / dot(along, along)
+        return np.asarray(turn[:, None, None] * np.eye(2))
     x, n = x - x.mean(axis=1, keepdims=True), n - n.mean(axis=1, keepdims=True)
     square = np.einsum("fkd,fke->fde", x, x)
     change = np.einsum("fkd,fke->fde", n, x)
@@ -193,8 +199,6 @@ def curvatures(surface: ContactSurface) -> Array:
     across = surface.facet_normals
     plane = np.eye(d) - across[:, :, None] * across[:, None, :]
     K = plane @ K @ plane
-    if d == 2:  # of a curve as that of a circle, whose normal turns along all ways by as much
-        return np.asarray(np.trace(K, axis1=1, axis2=2)[:, None, None] * np.eye(2))
     return np.asarray(0.5 * (K + np.swapaxes(K, 1, 2)))
 
 
