@@ -362,7 +362,7 @@ def undetermined(answer: Answer) -> tuple[str, ...]:
     rows, points = _rows(answer)
     redundant = eliminate(rows, np.zeros(len(points))).redundant
     _, group = connected_components(abs(rows) @ abs(rows).T, directed=False)
-    of_point = np.concatenate([np.full(len(kin), i) for i, kin in enumerate(_parts(answer))])
+    of_point = np.repeat(np.arange(len(answer.names)), [p.stop - p.start for p in answer.slices()])
     found: dict[tuple[int, ...], list[int]] = {}
     for g in np.unique(group[redundant]):
         contacts = tuple(np.unique(of_point[points[group == g]]).tolist())
@@ -409,8 +409,3 @@ def _rows(answer: Answer) -> tuple[csr_matrix, Index]:
     all_rows, all_points = csr_matrix(vstack(rows)), np.concatenate(points)
     moves = np.diff(all_rows.indptr) > 0  # the others are data: supports make them
     return csr_matrix(all_rows[moves]), all_points[moves]
-
-
-def _parts(answer: Answer) -> list[Index]:
-    """The points of each contact."""
-    return [np.arange(answer.kin.m)[part] for part in answer.slices()]
