@@ -9,6 +9,7 @@ terms that cancel in ``K u``, or of the force that strains the softest body by o
 from __future__ import annotations
 
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -239,8 +240,7 @@ def _balance(result: Answer, external: Array, scale: float) -> tuple[float, floa
     on_obstacles = _obstacle_forces(result)
     axes = sorted(set(component[component < system.bodies[0].components]))
     F = np.array([external[component == k].sum() for k in axes])
-    springs = _Springs(result)
-    F -= np.array([springs.share((component == k).astype(float)) for k in axes])
+    F -= _by_springs(result, [(component == k).astype(float) for k in axes])
     skip = {0} if any(b.axisymmetric for b in system.solids.values()) else set()
     kept = [k for k in axes if k not in skip]
     rigid = np.array([on_obstacles[:, k].sum() for k in axes])
@@ -249,7 +249,7 @@ def _balance(result: Answer, external: Array, scale: float) -> tuple[float, floa
         return resultant, np.nan, np.nan, np.nan  # and moments about where bodies were mean nothing
     centre = points.mean(axis=0)
     turns = _turns(points, centre, component, system.extent)
-    M = turns @ external - np.array([springs.share(turn) for turn in turns])
+    M = turns @ external - _by_springs(result, turns)
     offset, rigid_points = _offsets(result)
     M += cross(rigid_points - centre, on_obstacles).sum(axis=0)
     along = np.einsum("ik,ikd->id", -result.local.tangential_force, kin.axes)
@@ -275,31 +275,26 @@ def _turns(points: Array, centre: Array, component: NDArray[np.int32], extent: f
     return turns
 
 
-class _Springs:
-    """The part of a resultant that springs to the ground inside K take."""
+def _by_springs(result: Answer, modes: Any) -> Array:
+    """What springs to the ground inside K take of resultants along rigid motions: ``(K mode)'u``, (k,).
 
-    def __init__(self, result: Answer) -> None:
-        self.result = result
-        self.diagonals = [np.abs(K.diagonal()) for K in result.stiffness]
-
-    def share(self, mode: Array) -> float:
-        """Their part of the resultant along a rigid motion (n,): ``(K mode)'u``, zero without any."""
-        total, result = 0.0, self.result
-        for body, K, diagonal in zip(
-            result.system.bodies, result.stiffness, self.diagonals, strict=True
-        ):
-            if body.nonlinear:  # a tangent under stress resists turns without any spring
-                continue
-            part = result.system.slice(body)
-            resisted = K.T @ mode[part]
-            most, size = float(np.max(np.abs(resisted))), np.abs(mode[part])
+    Zero without any; motions are (k, n).
+    """
+    total = np.zeros(len(modes))
+    for body, K in zip(result.system.bodies, result.stiffness, strict=True):
+        if body.nonlinear:  # a tangent under stress resists turns without any spring
+            continue
+        part, diagonal = result.system.slice(body), np.abs(K.diagonal())
+        for i, mode in enumerate(modes):
+            resisted, size = K.T @ mode[part], np.abs(mode[part])
+            most = float(np.max(np.abs(resisted)))
             # round-off is compared with the terms of K mode; one of them is that of the diagonal, and
             # known at once
-            if most <= COMPUTED * float(np.max(diagonal * size)):
-                continue
-            if most > COMPUTED * float(np.max(abs(K) @ size)):
-                total += float(resisted @ result.u[part])
-        return total
+            if most > COMPUTED * float(np.max(diagonal * size)) and (
+                most > COMPUTED * float(np.max(abs(K) @ size))
+            ):
+                total[i] += float(resisted @ result.u[part])
+    return total
 
 
 def _obstacle_forces(result: Answer) -> Array:
