@@ -36,6 +36,7 @@ SURFACE = block().surface("bottom")
 UNKNOWN = {
     "Contact mu": (lambda: sc.Contact(SURFACE, FLOOR, mu=0.3), r"friction=Coulomb\(mu"),
     "Contact slave": (lambda: sc.Contact(slave=SURFACE, primary=FLOOR), "write secondary"),
+    "Elastic plane": (lambda: sc.Elastic(1.0, 0.3, plane="stress"), "recipes/plane_stress.md"),
     "Contact slidng": (lambda: sc.Contact(SURFACE, FLOOR, slidng="finite"), "did you mean 'sliding'"),
     "Options tol": (lambda: sc.Options(tol=1e-8), "did you mean 'tolerance'"),
     "Options maxiter": (lambda: sc.Options(maxiter=8), "did you mean 'max_iterations'"),

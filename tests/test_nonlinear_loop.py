@@ -419,6 +419,7 @@ def test_a_column_that_buckles() -> None:
     assert max(forces) < 1.25 * forces[6]  # of a straight column twice that
 
 
+@pytest.mark.filterwarnings("ignore:.*over the length of one facet")
 @pytest.mark.parametrize("sliding", ["small", "finite"])
 def test_a_load_that_is_taken_off_altogether(sliding: str) -> None:
     """In the end nothing acts: round-off is that of what the step began with, and no force is left."""

@@ -42,6 +42,12 @@ WANTED = {  # of two pages the first that there is
     "STEP": ["assemblies.md"],
     "bearing": ["recipes/pin.md"],
     "rocking": ["recipes/pin.md"],
+    "general contact": ["limits.md", "assemblies.md", "dictionary.md"],
+    "hard contact": ["dictionary.md"],
+    "stabilisation": ["dictionary.md"],
+    "soft contact": ["recipes/springs.md", "dictionary.md"],
+    "compression only": ["recipes/springs.md"],
+    "substructure": ["dictionary.md"],
     "torque capacity": ["recipes/press_fit.md"],
 }
 

@@ -124,6 +124,7 @@ def test_one_large_triangle_is_a_plane():
     assert seen.opening > 0 and "Validity" in one.report()
 
 
+@pytest.mark.filterwarnings("ignore:.*over the length of one facet")
 @pytest.mark.parametrize("kind", ["quad4", "tri6"])
 def test_spheres_of_ever_more_triangles_approach_one(kind):
     """The error falls as the triangles' areas do."""

@@ -17,7 +17,11 @@ from skfem_contact.materials.tensors import double, isotropic, solid, symmetric,
 from skfem_contact.records import dataclass
 
 
-@with_known_keywords()
+@with_known_keywords(
+    plane="it is plane strain in 2-D; for plane stress see docs/recipes/plane_stress.md",
+    rho="write density",
+    alpha="write expansion",
+)
 @dataclass(frozen=True, eq=False)
 class Elastic(PrintedAsCall, Isotropic):
     r"""Linear isotropic elasticity: ``sigma = lambda tr(eps - eps_T) 1 + 2 mu (eps - eps_T)``.

@@ -87,11 +87,36 @@ def test_words(sliding):
 
 
 def test_forces_that_are_given_are_right():
-    """A tool under a force carries it, however coarse the facets: how far it goes down is not said."""
+    """A tool under a force carries it, however coarse the facets; pressures are not resolved."""
     body = block(5)
     tool = sc.RigidBody(sc.RigidCylinder((0.0, 1.0), 1.0), force=(0, -1e-3), D=("x", "rotation"))
-    result = sc.ContactSolver([body, tool], sc.Contact(body.surface("top"), tool)).solve()
+    with pytest.warns(sc.ContactWarning, match=LONG):
+        result = sc.ContactSolver([body, tool], sc.Contact(body.surface("top"), tool)).solve()
     assert result.force[1] == pytest.approx(-1e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize("sides", [40, 400])
+@pytest.mark.parametrize("by_force", [False, True])
+def test_tools_of_straight_pieces(sides, by_force):
+    """A disc of 40 sides that stand off by as much as it is pressed in: it used to be silent."""
+    body, depth, t = block(20), 3e-3, 2 * np.pi * (np.arange(sides) + 0.5) / sides
+    shape = np.column_stack([np.sin(t), np.cos(t[0]) - np.cos(t)])  # it stands on a side
+    tool, bodies, down = sc.RigidPolyline(shape, closed=True, name="disc"), [body], (0, -depth)
+    if by_force:
+        tool = sc.RigidBody(tool, force=(0, -exact(depth)), D=("x", "rotation"), name="disc")
+        bodies.append(tool)
+    step = {} if by_force else {"motion": {"disc": down}}
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        (result,) = sc.ContactSolver(bodies, sc.Contact(body.surface("top"), tool)).history([step])
+        known = result.validity.problems
+    words = [str(w.message) for w in caught if LONG in str(w.message)]
+    off = result.pressure.max() / pressed(100, 0.0, depth)[1].pressure.max() - 1
+    if sides == 40:
+        assert abs(off) > 0.2 and "shorter straight pieces" in words[0]
+    else:
+        assert abs(off) < 0.1 and not words
+    assert (("facets", "contact 1") in known) == (sides == 40)
 
 
 def test_a_gap_that_is_given_knows_the_curve():

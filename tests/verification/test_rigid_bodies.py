@@ -315,6 +315,7 @@ def test_a_free_roller_between_plates_goes_half_the_way_and_turns(route):
     assert result["low"].dissipation_total < 1e-3 * abs(result["low"].force[1]) * U
 
 
+@pytest.mark.filterwarnings("ignore:.*over the length of one facet")
 def test_a_driven_roller_turns_on_the_spot_where_friction_gives_way():
     """A moment beyond mu N R has no equilibrium; one just below it is borne by friction."""
     block, shape, N = slab(), disc(0.5, x=0.0), 0.005
@@ -711,6 +712,7 @@ def test_a_lid_on_a_solid_balances_moments_about_both_axes(kind):
 
 
 @pytest.mark.filterwarnings("ignore:Rigid bodies carry their loads along")
+@pytest.mark.filterwarnings("ignore:.*over the length of one facet")
 def test_directions_in_space_are_alike():
     """The scene turned by whole axes: forces, places and turns are those of the other axes."""
     found = []

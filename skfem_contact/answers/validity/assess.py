@@ -151,8 +151,10 @@ class Assessment:
             found["sliding"] = sliding_words(drift, self._turning(i))
         elif "overlap" in kinds:  # small sliding that does not follow is the reason already
             found["overlap"] = self._overlap(i)
+        if drift.facets_too_long and contact.rigid_body is not None:
+            drift = self._pressed_in(i, drift)  # how far a force moves the tool says too little
         if drift.facets_too_long:
-            found["facets"] = facet_words(drift, contact.rigid)
+            found["facets"] = facet_words(drift, contact)
         return {kind: words for kind, words in found.items() if words and kind in kinds}
 
     def _turning(self, i: int) -> list[str]:
@@ -247,8 +249,7 @@ class Assessment:
         closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
         drift = result.diagnostics.drifts[i]
         if contact.sliding != "small":
-            elastic = beyond_round_off(elastic_approach(result, i, closed), self.system.extent)
-            return replace(drift, approach=max(drift.approach, elastic))
+            return self._pressed_in(i, drift)
         t = result.kin.tangents
         slip = result.kin.B_t[part.start * t : part.stop * t] @ result.u
         slip = np.einsum("mk,mkd->md", slip.reshape(-1, t), result.kin.duals[part])
@@ -256,6 +257,13 @@ class Assessment:
         tool = tool_motion(self.system, contact, track, result.u)
         found = track.drift(closed, slip, gap, force, drift.approach, result.worn_case, i, part, tool)
         return replace(drift, **found)
+
+    def _pressed_in(self, i: int, drift: Drift) -> Drift:
+        """Return it with the elastic approach of the displacements, where that is more."""
+        part = self.result.slices()[i]
+        closed = (self.result.state.status[part] != OPEN) & self.result.kin.paired[part]
+        elastic = beyond_round_off(elastic_approach(self.result, i, closed), self.system.extent)
+        return replace(drift, approach=max(drift.approach, elastic))
 
 
 def _coefficient(contact: Contact) -> float:

@@ -26,23 +26,28 @@ of what comes down in the middle of a face of the secondary: there it is the hei
 face, ``tr(K S) / 2`` with the mean S of ``x x'`` over its corners x seen from its middle, twice that
 over the edge of a square. What the secondary itself bends does not count in it, as its nodes are on it.
 
-A rigid cylinder, sphere or plane is met node by node: K_p is its own. Where the bodies are pressed in
-by a given d that is not large beside e, forces depend on where the nodes are: on a disc that is pressed
-into a block by up to 15 % at ``e / d = .25``, 30 % at .5 (`tests/verification/test_coarse_tools.py`).
+A rigid cylinder, sphere or plane is met node by node: K_p is its own. The pieces of an outline or an
+STL bend as facets do. Where the bodies are pressed in by a given d that is not large beside e, forces
+depend on where the nodes are: on a disc that is pressed into a block by up to 15 % at ``e / d = .25``,
+30 % at .5 (`tests/verification/test_coarse_tools.py`).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from skfem_contact.answers.thresholds import PIECES
+from skfem_contact.answers.thresholds import A_TENTH, PIECES
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.facet_kinds import FacetKind
+from skfem_contact.bodies.normal_field import of_curves
 from skfem_contact.bodies.quadrics import bowed_facets
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.bodies.thresholds import BENT, STEEPEST, STRAIGHT
+from skfem_contact.bodies.thresholds import BENT
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.vectors import dot
+
+#: All facets.
+EVERY = slice(None)
 
 
 def sagittas(
@@ -72,7 +77,9 @@ def sagittas(
     m, facets, d = len(secondary.points), secondary.facets, secondary.dim
     own, edges = bends(secondary)
     if isinstance(primary, ContactSurface):
-        of_primary, others = (found[facet] for found in bends(primary))
+        assert facet is not None
+        met, of_point = np.unique(facet, return_inverse=True)
+        of_primary, others = (found[of_point] for found in bends(primary, met))
         curved = primary.quadratic
     else:
         of_primary, others = np.broadcast_to(primary, (m, d, d)), np.zeros((m, 1, d))
@@ -127,8 +134,8 @@ def _spread(edges: Array, kind: FacetKind) -> Array:
     return np.einsum("fcd,fce->fde", edges, edges) / count
 
 
-def bends(surface: ContactSurface) -> tuple[Array, Array]:
-    """Return how every facet bends, and the edges of the pieces that stand for it.
+def bends(surface: ContactSurface, some: Index | slice = EVERY) -> tuple[Array, Array]:
+    """Return how every facet, or some, bends, and the edges of the pieces that stand for it.
 
     Returns
     -------
@@ -149,27 +156,33 @@ def bends(surface: ContactSurface) -> tuple[Array, Array]:
     >>> bool(bend.any()), edges.shape
     (False, (4, 4, 3))
     """
-    x = surface.points[surface.facets[:, : surface.kind.corners]]
-    edges, bend = np.roll(x, -1, axis=1) - x, curvatures(surface)
+    facets = surface.facets[some]
+    x = surface.points[facets[:, : surface.kind.corners]]
+    edges, bend = np.roll(x, -1, axis=1) - x, curvatures(surface, some)
     if surface.dim == 2:
-        edges = edges[:, :1] * (surface.lengths / np.linalg.norm(edges[:, 0], axis=1))[:, None, None]
+        edges = (
+            edges[:, :1] * (surface.lengths[some] / np.linalg.norm(edges[:, 0], axis=1))[:, None, None]
+        )
     if surface.dim == 2 and bend.any():
-        bend[kinked_edges(surface).any(axis=1)] = 0.0
+        bend[kinked_edges(surface, some).any(axis=1)] = 0.0
     elif bend.any():
-        kinked = kinked_edges(surface)
-        for way in np.moveaxis(kinked[..., None] * edges, 1, 0):  # faces do not bend along these
-            along = way / np.maximum(np.linalg.norm(way, axis=1), np.finfo(float).tiny)[:, None]
-            across = np.eye(3) - along[:, :, None] * along[:, None, :]
-            bend = across @ bend @ across
+        kinked = kinked_edges(surface, some)
+        bent = np.broadcast_to(np.eye(3), bend.shape)  # what is across kinked edges, parallel or not
+        for way in np.moveaxis(kinked[..., None] * edges, 1, 0):
+            left = np.einsum("fab,fb->fa", bent, way)
+            size, length = np.linalg.norm(left, axis=1), np.linalg.norm(way, axis=1)
+            left /= np.where(size > A_TENTH * length, size, np.inf)[:, None]
+            bent = bent - left[:, :, None] * left[:, None, :]
+        bend = bent @ bend @ bent
     if not surface.quadratic:
         return bend, edges
     # a facet with its middle nodes on the curve has two parts
-    halved = bowed_facets(surface.points, surface.facets, surface.kind)
+    halved = bowed_facets(surface.points, facets, surface.kind)
     halved |= surface.dim == 3 and not bend.any()
     return bend, np.where(halved[:, None, None], 0.5, 1.0) * edges
 
 
-def curvatures(surface: ContactSurface) -> Array:
+def curvatures(surface: ContactSurface, some: Index | slice = EVERY) -> Array:
     """Return how normals change along each facet, by those at its corners, (nf, d, d) [1/length].
 
     Normals are averaged with the neighbours', except over corners.
@@ -184,9 +197,9 @@ def curvatures(surface: ContactSurface) -> Array:
     False
     """
     c, d = surface.kind.corners, surface.dim
-    x = surface.points[surface.facets[:, :c]]
-    n = surface.facet_node_normals[:, :c]
-    if np.max(np.abs(n - surface.facet_normals[:, None])) < COMPUTED**0.5:
+    x = surface.points[surface.facets[some, :c]]
+    n, across = surface.facet_node_normals[some, :c], surface.facet_normals[some]
+    if np.max(np.abs(n - across[:, None]), initial=0.0) < COMPUTED**0.5:
         return np.zeros((len(x), d, d))
     if d == 2:  # of a curve as that of a circle, whose normal turns along all ways by as much
         along = x[:, 1] - x[:, 0]
@@ -196,23 +209,22 @@ def curvatures(surface: ContactSurface) -> Array:
     square = np.einsum("fkd,fke->fde", x, x)
     change = np.einsum("fkd,fke->fde", n, x)
     K = change @ np.linalg.pinv(square, rcond=GIVEN, hermitian=True)
-    across = surface.facet_normals
     plane = np.eye(d) - across[:, :, None] * across[:, None, :]
     K = plane @ K @ plane
     return np.asarray(0.5 * (K + np.swapaxes(K, 1, 2)))
 
 
-def kinked_edges(surface: ContactSurface) -> Mask:
+def kinked_edges(surface: ContactSurface, some: Index | slice = EVERY) -> Mask:
     """Edges of facets, of lines both ends, that are no pieces of a curve and not straight, (nf, c).
 
     Those of a polygon of less than 16 sides, and those that the smooth boundary leaves at one end
     alone: beside a kink, and where the surface ends.
     """
-    corners = surface.facets[:, : surface.kind.corners]
-    n, up = surface.facet_node_normals[:, : surface.kind.corners], surface.facet_normals[:, None]
+    corners = surface.facets[some, : surface.kind.corners]
+    n, up = surface.facet_node_normals[some, : corners.shape[1]], surface.facet_normals[some, None]
     edges = np.roll(surface.points[corners], -1, axis=1) - surface.points[corners]
     edges /= np.linalg.norm(edges, axis=2, keepdims=True)
     up = np.maximum(dot(n, up), COMPUTED)
     ends = dot(n, edges) / up, dot(np.roll(n, -1, axis=1), edges) / np.roll(up, -1, axis=1)
-    least, most = (which(*np.abs(ends)) for which in (np.minimum, np.maximum))
-    return np.asarray((most > BENT) & (least < STRAIGHT * most) | (most > STEEPEST))
+    curve = of_curves(ends[0], -ends[1])
+    return np.asarray(~curve & (np.maximum(*np.abs(ends)) > BENT))

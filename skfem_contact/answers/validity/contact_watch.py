@@ -15,6 +15,7 @@ from skfem_contact.answers.validity.overlaps import (
     in_solid_words,
     leaning_words,
     of_triangles,
+    outline_of,
     pierced,
     pierced_words,
 )
@@ -100,7 +101,9 @@ class ContactWatch:
         held_by = [supports[b] for b in bodies]
         self.motions = [s.unit_at(self.track.points) for s in held_by]
         points, normal = contact.secondary.points[pairing.paired], pairing.normal[pairing.paired]
-        self.held = all(s.holds(points, normal) for s in held_by)
+        self.borne, self.held = (
+            all(s.holds(points, normal) for s in some) for some in (held_by[:1], held_by)
+        )
         self.inside, self.loose = False, None
         if contact.sliding == "small" and contact.friction is None and not contact.tied:
             along = np.moveaxis(pairing.tangent[pairing.paired], 1, 0)
@@ -110,7 +113,7 @@ class ContactWatch:
         self.asks = self.of_triangles or self.loose is not None
         self.on_obstacle = isinstance(contact.primary, Obstacle)
         self.rigid, self.tool = contact.rigid, tool is not None
-        self.asks |= self.tool and contact.sliding == "small"
+        self.asks |= (self.tool and contact.sliding == "small") or self.track.of_pieces
 
     def _free(self, b: int, known: Index) -> Support:
         """Return how a body moves as a whole, by what is known of its displacements."""
@@ -160,7 +163,7 @@ class ContactWatch:
         if small:  # the pairing at the start is no other's
             closed &= track.paired
         count = int(np.count_nonzero(closed))
-        sagitta = self._sagitta(state)
+        sagitta = self._sagitta(state, case, u)
         if not count and not (small and self.rigid):
             return Drift(sagitta=sagitta)
         force = state.normal_force[part]
@@ -203,21 +206,24 @@ class ContactWatch:
             pressed = pressed / width if width else 0.0
         return pressed, pressed / width if width else 0.0
 
-    def _sagitta(self, state: State) -> float:
+    def _sagitta(self, state: State, case: LoadCase, u: Array) -> float:
         contact, part, track = self.contact, self.part, self.track
         # how far bodies that no support holds against a tool are pressed in is known from forces alone,
         # which tell too little of it
-        if not track.curved or (self.rigid and not self.held):
+        force = np.where(state.status[part] != OPEN, state.normal_force[part], 0.0)
+        if not track.curved or (self.rigid and not self.borne) or not force.any():
             return 0.0
-        force, moved = np.where(state.status[part] != OPEN, state.normal_force[part], 0.0), None
-        if contact.sliding == "finite" and isinstance(contact.primary, ContactSurface):
-            u = self.geometry.spread(state.surface)
-            one, other = (
-                s.points + u[self.system.slice(s.body)][s.dofs]
-                for s in (track.secondary, contact.primary)
-            )
-            moved = one, other
-        return track.sagitta(force, moved)
+        if track.of_pieces:
+            outline = outline_of(self.geometry, self.i, case, u)
+            return track.sagitta(force, (self._placed(u, track.secondary), outline.points, outline))
+        if contact.sliding == "small" or not isinstance(contact.primary, ContactSurface):
+            return track.sagitta(force)
+        u = self.geometry.spread(state.surface)
+        one, other = (self._placed(u, s) for s in (track.secondary, contact.primary))
+        return track.sagitta(force, (one, other, contact.primary))
+
+    def _placed(self, u: Array, side: ContactSurface) -> Array:
+        return np.asarray(side.points + u[self.system.slice(side.body)][side.dofs])
 
     def undetected(self, state: State, gap: Array, case: LoadCase, u: Array, drift: Drift) -> str:
         """Return what contact conditions do not see of an obstacle, in words; or nothing.
@@ -247,11 +253,12 @@ class ContactWatch:
         return depth_in_solid(self.contact, self.geometry.pairings[self.i])
 
     def seems_coarse(self, result: Answer, drift: Drift) -> bool:
-        """Whether facets seem too long: where points slide far, by the approach since the beginning."""
-        if self.contact.sliding == "small" or not drift.facets_too_long:
+        """Whether facets seem too long; by displacements where points slide far or a force moves it."""
+        small = self.contact.sliding == "small"
+        if (small and not self.tool) or not drift.facets_too_long:
             return drift.facets_too_long
         closed = (result.state.status[self.part] != OPEN) & result.kin.paired[self.part]
-        u = self.geometry.spread(result.state.surface)
+        u = np.array(result.u) if small else self.geometry.spread(result.state.surface)
         u[self.system.D] = result.case.x[self.system.D]
         elastic = beyond_round_off(elastic_approach(result, self.i, closed, u), self.extent)
         return replace(drift, approach=max(drift.approach, elastic)).facets_too_long

@@ -42,7 +42,7 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.digits import SOLVED
-from skfem_contact.obstacles.obstacle import MotionLike, Obstacle
+from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import shape_of
 from skfem_contact.pairing.corners import unselected_sides
 from skfem_contact.pairing.node import Pairing, node_to_segment
@@ -376,10 +376,14 @@ def of_triangles(contact: Contact) -> bool:
     return rigid and not contact.bilateral and contact.gap is None
 
 
-def _motion(geometry: Geometry, i: int, case: LoadCase, u: Array) -> MotionLike:
-    """Return where the obstacle of a contact is, as obstacles take it."""
-    body = geometry.contacts[i].rigid_body
-    return case.motion[i].as_argument() if body is None else as_motion(geometry.system, body, u)
+def outline_of(geometry: Geometry, i: int, case: LoadCase, u: Array) -> ContactSurface:
+    """Return the straight pieces of the obstacle of a contact at their place."""
+    obstacle, body = geometry.contacts[i].primary, geometry.contacts[i].rigid_body
+    assert isinstance(obstacle, Obstacle)
+    moved = case.motion[i].as_argument() if body is None else as_motion(geometry.system, body, u)
+    outline = obstacle.moved(moved).outline
+    assert outline is not None
+    return outline
 
 
 def leaning_faces(secondary: ContactSurface, outline: ContactSurface) -> Mask:
@@ -409,10 +413,7 @@ def leaning_words(geometry: Geometry, i: int, state: State, case: LoadCase, u: A
         Displacements, right at the contact DOFs [length].
     """
     contact, part = geometry.contacts[i], geometry.point_slices[i]
-    surface, obstacle = contact.secondary, contact.primary
-    assert isinstance(obstacle, Obstacle)
-    outline = obstacle.moved(_motion(geometry, i, case, u)).outline
-    assert outline is not None
+    surface, outline = contact.secondary, outline_of(geometry, i, case, u)
     leaning = leaning_faces(surface, outline)
     force = np.where(state.status[part] != OPEN, np.abs(state.normal_force[part]), 0.0)
     if not (leaning.any() and force.any()):

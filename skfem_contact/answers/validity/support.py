@@ -214,9 +214,6 @@ def elastic_approach(result: Answer, i: int, closed: Mask, displacement: Array |
         rigid = support.at(body.dof_points, support.motion(u[system.slice(body)]))
         elastic[system.slice(body)] -= rigid[np.arange(body.n), body.dof_component]
     if contact.rigid_body is not None:
-        own = Support.of(contact.rigid_body, 0, arm=system.extent)
-        if not own.holds(contact.secondary.points[closed], result.kin.normal[part][closed]):
-            return 0.0
         elastic[system.slice(contact.rigid_body)] = 0.0
     lifted = (result.kin.B_n[part] @ elastic)[closed]
     return float(np.max(np.abs(lifted), initial=0.0))

@@ -71,6 +71,8 @@ class Track:
         The part of these heights that gaps do not know, see `Pairing.smooth`.
     curved : bool
         Whether there are such heights.
+    of_pieces : bool
+        Whether a rigid obstacle of straight pieces is met, whose heights depend on where it is.
     bend : ndarray, shape (d, d), or None
         How a rigid obstacle curves, where that is known and its gaps are measured [1/length].
     room : ndarray, shape (m,)
@@ -102,12 +104,14 @@ class Track:
         # a turn that is linear stretches what is glued: linear bodies do not feel it
         self.stretched = contact.tied and getattr(self.secondary.body, "finite_strain", False)
         self.by_node = _by_node(pairing)
-        self.curved = False
+        self.curved = self.of_pieces = False
         # a gap that is given, or zero as meshed, knows the curves
         measured = contact.gap is None and not contact.adjust and not contact.bilateral
         self.bend = None
         if measured and isinstance(self.primary, Obstacle):
             self.bend = self.primary.bend
+            self.curved = self.of_pieces = self.primary.outline is not None
+            self.unlike = 1.0
         if self.bend is not None:
             self.sagittas = sagittas(self.secondary, self.bend)
             self.curved = bool(self.sagittas.any())
@@ -125,26 +129,26 @@ class Track:
                 self.sagittas = sagittas(self.secondary, self.primary, facet, self.nodal) * self.unlike
             self.curved = measured and bool(self.sagittas.any())
 
-    def sagitta(self, force: Array, moved: tuple[Array, Array] | None) -> float:
+    def sagitta(self, force: Array, moved: tuple[Array, Array, ContactSurface] | None = None) -> float:
         """Height of the curves over one facet where normal forces act, their mean [length].
 
         Parameters
         ----------
         force : ndarray, shape (m,)
             Of closed points; zero elsewhere.
-        moved : pair of ndarray, optional
-            Where points slide far, the places of both sides' nodes [length].
+        moved : (ndarray, ndarray, ContactSurface), optional
+            Where partners are found anew, the places of both sides' nodes [length], and the primary.
         """
         force = np.abs(force)
         total = float(force.sum())
         if not (self.curved and total > 0):
             return 0.0
-        heights = self.sagittas
-        if moved is not None and isinstance(self.primary, ContactSurface):
-            corners = self.primary.facets[:, : self.primary.kind.corners]
-            middles = moved[1][corners].mean(axis=1)
-            there = Tree(middles).query(moved[0])[1]
-            heights = sagittas(self.secondary, self.primary, there, self.nodal) * self.unlike
+        if moved is None:
+            return float(force @ self.sagittas / total)
+        points, others, primary = moved
+        middles = others[primary.facets[:, : primary.kind.corners]].mean(axis=1)
+        there = Tree(middles).query(points)[1]
+        heights = sagittas(self.secondary, primary, there, self.nodal) * self.unlike
         return float(force @ heights / total)
 
     def breadth(self, closed: Mask) -> float:
