@@ -15,7 +15,8 @@ wrong by as large a part of them at most, and by less than half of that in gener
 (`answers.thresholds.SAGITTA`).
 
 In the plane and in space, curvatures are tensors K: how the averaged normals at the corners of a facet
-change along it. What is straight, at a kink, or a polygon of less than 16 sides does not bend.
+change along it. An edge that is straight, beside a kink, or of a polygon of less than 16
+sides does not bend (`bodies.normal_field.of_curves`), and a face not along it.
 Between two sides
 
     e = max |x' (K_s + K_p) x| / 8
