@@ -43,7 +43,6 @@ from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normal_field import of_curves
 from skfem_contact.bodies.quadrics import bowed_facets
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.bodies.thresholds import BENT
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.vectors import dot
 
@@ -228,4 +227,4 @@ def kinked_edges(surface: ContactSurface, some: Index | slice = EVERY) -> Mask:
     up = np.maximum(dot(n, up), COMPUTED)
     ends = dot(n, edges) / up, dot(np.roll(n, -1, axis=1), edges) / np.roll(up, -1, axis=1)
     curve = of_curves(ends[0], -ends[1])
-    return np.asarray(~curve & (np.maximum(*np.abs(ends)) > BENT))
+    return np.asarray(~curve & (np.maximum(*np.abs(ends)) > GIVEN))
