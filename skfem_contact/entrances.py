@@ -20,9 +20,9 @@ def entrances(
 
     They are imported when they are asked for; ``dir`` shows the public ones only.
 
-    >>> find, names = entrances("skfem_contact.bodies", [], {"normals": "angle_between tangents"})
-    >>> find("tangents").__module__
-    'skfem_contact.bodies.normals'
+    >>> find, names = entrances("skfem_contact.bodies", [], {"facets": "twin_edges"})
+    >>> find("twin_edges").__module__
+    'skfem_contact.bodies.facets'
     """
     place = {name: module for module, names in modules.items() for name in names.split()}
 

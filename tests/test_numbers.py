@@ -6,6 +6,7 @@ Most numbers are noticed by the tests of what they are for; `benchmarks/named_nu
 from __future__ import annotations
 
 import importlib
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -158,3 +159,38 @@ def test_the_list_is_that_of_the_library(monkeypatch):
     monkeypatch.syspath_prepend(str(root / "benchmarks"))
     made = importlib.import_module("named_numbers").page()
     assert made == (root / "docs" / "checks" / "numbers.md").read_text(encoding="utf-8")
+
+
+def test_up_to_where_an_estimate_is_told_as_a_number():
+    """Errors of a fifth of the traction are told, those of two fifths only as larger (ESTIMATED)."""
+    for share, words in ((0.2, "pressure 20 %"), (0.4, "beyond what can be estimated")):
+        part = sc.answers.ErrorSources(edges=share)
+        known = sc.answers.ErrorEstimate(part, part, np.zeros(1), {}, 0, "")
+        assert words in known.words
+
+
+@pytest.mark.parametrize(
+    ("numbers", "within"),
+    [
+        ({"sagitta": 0.15, "approach": 1.0}, True),  # SAGITTA
+        ({"sagitta": 0.3, "approach": 1.0}, False),
+        ({"facets": 0.7, "widths": 1.0}, True),  # FACETS
+        ({"facets": 1.5, "widths": 1.0}, False),
+    ],
+)
+def test_what_a_drift_may_be(numbers, within):
+    """Curves over a facet may stand out by a fifth of the approach, points may slip a facet."""
+    drift = sc.answers.Drift(closed=1, **numbers)
+    assert (drift.small_sliding_holds and not drift.facets_too_long) == within
+
+
+def test_the_energy_balance_of_a_step_that_is_too_long():
+    """What it misses is told from a twentieth of the energy lost on (COARSE)."""
+    mesh = fem.MeshQuad().refined(1).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    block = sc.Body(basis, sc.Elastic(1.0, 0.3), D="top", x={"top": (0.02, -0.01)}, name="block")
+    foot = sc.Contact(block.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=sc.Coulomb(0.3))
+    values = sc.ContactSolver(block, foot).solve().values[0]
+    for share, told in ((0.035, False), (0.07, True)):
+        words = str(replace(values, energy_residual=share * values.dissipation))
+        assert ("energy balance misses" in words) == told

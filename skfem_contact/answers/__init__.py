@@ -3,9 +3,10 @@
 * `answer`: all numbers of a load step, for the modules of this library, and forces of supports;
   `fields`, `values`: those of each contact, between its points and at them; `placed`: where bodies
   that are not linear are and what they remember, and how their residuals fell;
-* `certificate`: how well the discrete equations hold; `uniqueness`: whether there are other answers, by
-  the `pieces` of the equation, or a proof that there is only one; other forces;
-* `validity`: whether the model holds; `error`: how far the mesh may be off;
+* `certificate`: how well the discrete equations hold, and forces that they leave open; `uniqueness`:
+  whether there are other answers, by the pieces of the equation, or a proof that there is only one;
+* `validity`: whether the model holds; `estimate`, `surface_error`: how far the
+  mesh may be off;
 * `tangent`: the answer linearised, and its derivatives;
 * `result`, `by_contact`: all of it as users see it, and printed; by contacts, and of the one there may
   be;
@@ -53,24 +54,22 @@ __getattr__, __dir__ = entrances(
     {
         "answer": "answer_of",
         "certificate": "Certificate",
-        "error.surface": "Net",
+        "surface_error": "Net",
         "fields": "contour interpolate",
-        "pieces": "critical_friction orientation turning_springs",
         "result": "ContactResult",
         "tangent.changes": "Parameter",
         "tangent.modes": "Modes",
         "tangent.sensitivity": "Sensitivity",
         "tangent.tangent": "Tangent",
-        "uniqueness": "Form unique_up_to Uniqueness",
-        "validity.chords": "bends sagittas",
+        "uniqueness": "critical_friction Form orientation turning_springs unique_up_to Uniqueness",
+        "validity.chords": "bends curvatures sagittas",
         "validity.deformed_boundaries": "Boundary boundary",
         "validity.edges": "crossings sharp_edges_of",
         "validity.overlaps": "pierced",
         "validity.strain": "strains",
         "validity.support": "Support",
-        "validity.track": "Rim Track curvatures node_lengths",
-        "validity.validity": "ContactValidity Drift Validity",
-        "validity.words": "facet_words",
+        "validity.track": "Rim Track node_lengths",
+        "validity.validity": "ContactValidity Drift facet_words Validity",
         "values": "ContactValues ErrorEstimate ErrorSources",
     },
 )

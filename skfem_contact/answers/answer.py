@@ -17,9 +17,9 @@ from skfem_contact.answers.validity.validity import Diagnostics
 from skfem_contact.arrays import Array
 from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.boundaries import boundary_dofs
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.member import State as Internal
+from skfem_contact.bodies.selection import boundary_dofs
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction_rule import friction_bound

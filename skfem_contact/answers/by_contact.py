@@ -115,7 +115,7 @@ def _values(answer: Answer, i: int, part: slice) -> ContactValues:
 
 
 def _estimate(answer: Answer, values: ContactValues) -> ErrorEstimate:
-    from skfem_contact.answers.error.estimate import estimate  # most results are never asked for it
+    from skfem_contact.answers.estimate import estimate  # most results are never asked for it
 
     return estimate(answer, values)
 

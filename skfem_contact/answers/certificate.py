@@ -9,16 +9,21 @@ terms that cancel in ``K u``, or of the force that strains the softest body by o
 from __future__ import annotations
 
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, vstack
+from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.answers.answer import Answer, contact_forces
 from skfem_contact.arguments import NamesAttributes
-from skfem_contact.arrays import Array
+from skfem_contact.arrays import Array, Index
+from skfem_contact.bodies.member import unit_motions
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction_rule import CheckedLaw
-from skfem_contact.conditions.state import OPEN
+from skfem_contact.conditions.kinematics import without_columns
+from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.pairing.vectors import cross
 from skfem_contact.records import dataclass
@@ -235,8 +240,7 @@ def _balance(result: Answer, external: Array, scale: float) -> tuple[float, floa
     on_obstacles = _obstacle_forces(result)
     axes = sorted(set(component[component < system.bodies[0].components]))
     F = np.array([external[component == k].sum() for k in axes])
-    springs = _Springs(result)
-    F -= np.array([springs.share((component == k).astype(float)) for k in axes])
+    F -= _by_springs(result, [(component == k).astype(float) for k in axes])
     skip = {0} if any(b.axisymmetric for b in system.solids.values()) else set()
     kept = [k for k in axes if k not in skip]
     rigid = np.array([on_obstacles[:, k].sum() for k in axes])
@@ -244,8 +248,8 @@ def _balance(result: Answer, external: Array, scale: float) -> tuple[float, floa
     if len(axes) < d or skip or any(body.finite_strain for body in system.bodies):
         return resultant, np.nan, np.nan, np.nan  # and moments about where bodies were mean nothing
     centre = points.mean(axis=0)
-    turns = _turns(points - centre, component, system.extent)
-    M = turns @ external - np.array([springs.share(turn) for turn in turns])
+    turns = _turns(points, centre, component, system.extent)
+    M = turns @ external - _by_springs(result, turns)
     offset, rigid_points = _offsets(result)
     M += cross(rigid_points - centre, on_obstacles).sum(axis=0)
     along = np.einsum("ik,ikd->id", -result.local.tangential_force, kin.axes)
@@ -259,42 +263,38 @@ def _balance(result: Answer, external: Array, scale: float) -> tuple[float, floa
     )
 
 
-def _turns(arm: Array, component: NDArray[np.int32], extent: float) -> Array:
-    """Unit turns about each axis, in 2-D the one, at DOFs with these arms (n, d): rows (1 or 3, n)."""
-    d = arm.shape[1]
-    axis = np.where(component < d, component, 0)
-    along = np.where((component < d)[:, None], np.eye(d)[axis], 0.0)
-    turns = cross(arm, along).T
-    for i, turn in enumerate(turns):
-        turn[component == d + i] = extent  # of rigid bodies: here lengths, and their moments are forces
+def _turns(points: Array, centre: Array, component: NDArray[np.int32], extent: float) -> Array:
+    """Unit turns about each axis, in 2-D the one, at DOFs (n, d): rows (1 or 3, n)."""
+    d = points.shape[1]
+    turns = unit_motions(points, centre, 1.0)[
+        np.arange(len(points)), np.minimum(component, d - 1), d:
+    ].T
+    for i, turn in enumerate(turns):  # of rigid bodies: here lengths, and their moments are forces
+        turn[component >= d] = 0.0
+        turn[component == d + i] = extent
     return turns
 
 
-class _Springs:
-    """The part of a resultant that springs to the ground inside K take."""
+def _by_springs(result: Answer, modes: Any) -> Array:
+    """What springs to the ground inside K take of resultants along rigid motions: ``(K mode)'u``, (k,).
 
-    def __init__(self, result: Answer) -> None:
-        self.result = result
-        self.diagonals = [np.abs(K.diagonal()) for K in result.stiffness]
-
-    def share(self, mode: Array) -> float:
-        """Their part of the resultant along a rigid motion (n,): ``(K mode)'u``, zero without any."""
-        total, result = 0.0, self.result
-        for body, K, diagonal in zip(
-            result.system.bodies, result.stiffness, self.diagonals, strict=True
-        ):
-            if body.nonlinear:  # a tangent under stress resists turns without any spring
-                continue
-            part = result.system.slice(body)
-            resisted = K.T @ mode[part]
-            most, size = float(np.max(np.abs(resisted))), np.abs(mode[part])
+    Zero without any; motions are (k, n).
+    """
+    total = np.zeros(len(modes))
+    for body, K in zip(result.system.bodies, result.stiffness, strict=True):
+        if body.nonlinear:  # a tangent under stress resists turns without any spring
+            continue
+        part, diagonal = result.system.slice(body), np.abs(K.diagonal())
+        for i, mode in enumerate(modes):
+            resisted, size = K.T @ mode[part], np.abs(mode[part])
+            most = float(np.max(np.abs(resisted)))
             # round-off is compared with the terms of K mode; one of them is that of the diagonal, and
             # known at once
-            if most <= COMPUTED * float(np.max(diagonal * size)):
-                continue
-            if most > COMPUTED * float(np.max(abs(K) @ size)):
-                total += float(resisted @ result.u[part])
-        return total
+            if most > COMPUTED * float(np.max(diagonal * size)) and (
+                most > COMPUTED * float(np.max(abs(K) @ size))
+            ):
+                total[i] += float(resisted @ result.u[part])
+    return total
 
 
 def _obstacle_forces(result: Answer) -> Array:
@@ -333,3 +333,74 @@ def _largest(*arrays: Array) -> float:
 
 def _ratio(value: float, scale: float) -> float:
     return (float(value) if scale == 0 else float(value / scale)) + 0.0  # no negative zeros
+
+
+# -- forces that the equations leave open ----------------------------------------------------------
+
+
+def undetermined(answer: Answer) -> tuple[str, ...]:
+    """A sentence per group of contacts whose forces are not unique; see `ContactResult.undetermined`.
+
+    Forces of contacts may be undetermined where displacements are not, as conditions of points that
+    press depend on each other. Forces v with ``B'v = 0`` can then be added to those of an answer,
+    as long as all points still press and no friction exceeds its bound: displacements stay what
+    they are. So it is between contacts that share an edge, with friction or walls at an acute
+    angle, where a tool that supports hold is finer than what it presses, and where supports and
+    friction hold the same node.
+
+    Points that hardly press count for nothing: what is left of them decides on no force.
+    """
+    if not answer.springs:
+        return ()
+    from skfem_contact.elimination.constraint import eliminate
+
+    rows, points = _rows(answer)
+    redundant = eliminate(rows, np.zeros(len(points))).redundant
+    _, group = connected_components(abs(rows) @ abs(rows).T, directed=False)
+    of_point = np.repeat(np.arange(len(answer.names)), [p.stop - p.start for p in answer.slices()])
+    found: dict[tuple[int, ...], list[int]] = {}
+    for g in np.unique(group[redundant]):
+        contacts = tuple(np.unique(of_point[points[group == g]]).tolist())
+        counts = found.setdefault(contacts, [0, 0])
+        counts[0] += np.count_nonzero(group == g)
+        counts[1] += np.count_nonzero(group[redundant] == g)
+    return tuple(_words(answer, *item) for item in found.items())
+
+
+def _words(answer: Answer, contacts: tuple[int, ...], counts: list[int]) -> str:
+    *first, last = [f"'{answer.names[i]}'" for i in contacts]
+    names = f"{', '.join(first)} and {last}" if first else last
+    total, more = counts
+    return (
+        f"The contact forces of {names} are not unique: of {total} conditions at points that press "
+        f"{more} follow from the others. Displacements are the same for all forces that fulfil them; "
+        "these are chosen by the least squares of friction and of pressure over the surfaces, whatever "
+        "the order of contacts and nodes."
+    )
+
+
+def _rows(answer: Answer) -> tuple[csr_matrix, Index]:
+    """Return what the forces of points act along, over the free DOFs, and which point each is of.
+
+    A point that slips has one row, as its friction follows the normal force.
+    """
+    system, state, conditions = answer.system, answer.state, answer.conditions
+    free = np.setdiff1d(np.arange(system.n), system.D)
+    kin = without_columns(answer.kin, free)
+    m, t = kin.m, kin.tangents
+    largest = np.max(np.abs(state.normal_force), initial=0.0)
+    presses = kin.paired & (kin.bilateral | (state.normal_force > SOLVED * largest))
+    presses &= state.status != 0
+    rows, points = [kin.B_n], [np.arange(m)]
+    if t:
+        slips = np.where((state.status == SLIP)[:, None], conditions.coupling, 0.0)
+        at = np.arange(m * t)
+        spread = csr_matrix((slips.ravel(), (at // t, at)), shape=(m, m * t))
+        rows[0] = csr_matrix(kin.B_n - spread @ kin.B_t)
+        sticks = np.repeat(presses & (state.status == STICK) & conditions.stick, t)
+        rows.append(kin.B_t[sticks])
+        points.append(at[sticks] // t)
+    rows[0], points[0] = rows[0][presses], points[0][presses]
+    all_rows, all_points = csr_matrix(vstack(rows)), np.concatenate(points)
+    moves = np.diff(all_rows.indptr) > 0  # the others are data: supports make them
+    return csr_matrix(all_rows[moves]), all_points[moves]

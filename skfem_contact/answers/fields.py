@@ -29,8 +29,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from skfem_contact.answers.thresholds import REACH
-from skfem_contact.arrays import Array, Index, Mask
-from skfem_contact.bodies.normals import tangents
+from skfem_contact.arrays import Array, Index, Mask, tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.projection import project

@@ -15,10 +15,9 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer, reaction
 from skfem_contact.answers.by_contact import ByContact
-from skfem_contact.answers.certificate import Certificate, certified
+from skfem_contact.answers.certificate import Certificate, certified, undetermined
 from skfem_contact.answers.placed import Newton
 from skfem_contact.answers.thresholds import FALLING, MOST_ROWS
-from skfem_contact.answers.uniqueness import Uniqueness, undetermined, uniqueness
 from skfem_contact.answers.validity.assess import assess
 from skfem_contact.answers.validity.turned import rigid_rotations, surface_turns
 from skfem_contact.answers.validity.validity import Validity
@@ -43,6 +42,7 @@ from skfem_contact.sealed import sealed
 if TYPE_CHECKING:
     from skfem_contact.answers.tangent.sensitivity import Sensitivity
     from skfem_contact.answers.tangent.tangent import Tangent
+    from skfem_contact.answers.uniqueness import Uniqueness
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -326,6 +326,8 @@ class ContactResult(ByContact):
         is shown to be the only one, see `Uniqueness`. None where it is not computed: on the routes
         without a dense matrix, and where rows depend on each other.
         """
+        from skfem_contact.answers.uniqueness import uniqueness
+
         return uniqueness(self._answer)
 
     # of several threads that ask at once for these one computes, and warns
@@ -385,16 +387,44 @@ class ContactResult(ByContact):
         ContactWarning
             As `validity` does.
         """
-        return report(self)
+        lines = [*_first_lines(self, estimate=True), "", _verdict(self)]
+        lines += str(self.validity).splitlines()
+        for text in self.validity.problems.values():
+            lines += [f"  ! {textwrap.fill(text, 96, subsequent_indent='    ')}"]
+        answer = self._answer
+        other_answers = [*_jump_lines(answer), *_fall_lines(answer), *_uniqueness_lines(self)]
+        lines += ["", *other_answers] if other_answers else []
+        return "\n".join([*lines, *_last_lines(self)])
 
     def __repr__(self) -> str:
-        return short(self)
+        lines = [f"<ContactResult: {_headline(self)}"]
+        for values in self:
+            lines.append(f"  {values.name}: {status_words(values)}; force {written(values.force)}")
+        return "\n".join(lines) + ">"
 
     def __str__(self) -> str:
-        return summary(self)
+        lines = _first_lines(self, estimate=False)
+        lines += ["", _verdict(self), *_last_lines(self), "", MORE]
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        return table(self)
+        """The headline, a row per contact and the certificate, in HTML for notebooks."""
+        from html import escape  # for notebooks alone
+
+        heads = ("contact", "points", "force on the secondary", "largest pressure", "contact area")
+        rows = []
+        for values in self:
+            peak = f"{np.max(values.pressure, initial=0.0):.6g}"
+            row = f"{values.name}: {values.contact.label}", status_words(values), written(values.force)
+            cells = "".join(f"<td>{escape(c)}</td>" for c in (*row, peak, f"{values.contact_area:.6g}"))
+            rows.append(f"<tr>{cells}</tr>")
+        head = "".join(f"<th>{name}</th>" for name in heads)
+        return (
+            f"<p><b>Contact result:</b> {escape(_headline(self))}</p>"
+            f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+            f"<p>{escape(_verdict(self))}; "
+            f"certificate: {self.certificate.worst:.1e} at worst</p>"
+        )
 
     def __getstate__(self) -> dict[str, Any]:
         """All that reports and pictures need, computed before the functions stay behind."""
@@ -410,59 +440,6 @@ MORE = (
     "print(result.report()) adds the estimated error of the mesh, the validity of the model in\n"
     "numbers, and whether there are other answers."
 )
-
-
-def short(result: ContactResult) -> str:
-    """A few lines at no cost: how it ended, and the force and status of every contact."""
-    lines = [f"<ContactResult: {_headline(result)}"]
-    for values in result:
-        lines.append(f"  {values.name}: {status_words(values)}; force {written(values.force)}")
-    return "\n".join(lines) + ">"
-
-
-def summary(result: ContactResult) -> str:
-    """Return what is known quickly: the contacts, whether the model holds, the certificate."""
-    lines = _first_lines(result, estimate=False)
-    lines += ["", _verdict(result), *_last_lines(result), "", MORE]
-    return "\n".join(lines)
-
-
-def report(result: ContactResult) -> str:
-    """The report of a result: what touches, what slips, what force flows, and how well it is known."""
-    lines = [*_first_lines(result, estimate=True), "", *validity_lines(result)]
-    answer = result._answer
-    other_answers = [*_jump_lines(answer), *_fall_lines(answer), *_uniqueness_lines(result)]
-    lines += ["", *other_answers] if other_answers else []
-    return "\n".join([*lines, *_last_lines(result)])
-
-
-def table(result: ContactResult) -> str:
-    """The headline, a row per contact and the certificate, in HTML for notebooks."""
-    from html import escape  # for notebooks alone
-
-    heads = ("contact", "points", "force on the secondary", "largest pressure", "contact area")
-    rows = []
-    for values in result:
-        peak = np.max(values.pressure, initial=0.0)
-        words = (f"{values.name}: {values.contact.label}", status_words(values), written(values.force))
-        rows.append([*words, f"{peak:.6g}", f"{values.contact_area:.6g}"])
-    cells = "".join("<tr>" + "".join(f"<td>{escape(c)}</td>" for c in row) + "</tr>" for row in rows)
-    head = "".join(f"<th>{name}</th>" for name in heads)
-    return (
-        f"<p><b>Contact result:</b> {escape(_headline(result))}</p>"
-        f"<table><thead><tr>{head}</tr></thead><tbody>{cells}</tbody></table>"
-        f"<p>{escape(_verdict(result))}; "
-        f"certificate: {result.certificate.worst:.1e} at worst</p>"
-    )
-
-
-def validity_lines(result: ContactResult) -> list[str]:
-    """Say whether the model holds at the answer, and what to change where it does not."""
-    validity = result.validity
-    lines = [_verdict(result), *str(validity).splitlines()]
-    for text in validity.problems.values():
-        lines += [f"  ! {textwrap.fill(text, 96, subsequent_indent='    ')}"]
-    return lines
 
 
 def _headline(result: ContactResult) -> str:

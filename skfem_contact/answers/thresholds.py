@@ -19,15 +19,7 @@ ESTIMATED = 0.3
 # Open nodes up to so many faces away tell where contact ends: two beyond those next to closed ones.
 REACH = 3
 
-# -- error.estimate ----------------------------------------------
-
-# Elements beyond so many half widths of contact count for less than a percent.
-FARTHEST = 10.0
-
-# -- error.surface -----------------------------------------------
-
-# Pieces of the edge of contact whose middles are nearest, among which the nearest piece is.
-SEGMENTS_NEAR = 6
+# -- surface_error -----------------------------------------------
 
 # At the end of stick a square root misfits its nodes at least ten times as much as those beside
 # them, a smooth function with a jump in its curvature about as much.
@@ -52,13 +44,6 @@ MOST_ROWS = 2000
 # digits above the round-off of the bounds.
 FALLING = 1e-3
 
-# -- validity.chords ---------------------------------------------
-
-# Least singular value of the equations of unit directions from which the twist of a face is known: four
-# edges in pairs at an angle of 2 degrees have .05, edges and diagonals of a square 1.4, of 10:1 .28,
-# the edges of a triangle of 10:1 .14.
-TWIST = 0.1
-
 # -- validity ----------------------------------------------------
 
 # What may be off without a word, relative to what it is a part of, so that forces are 10 % off: slip
@@ -81,7 +66,7 @@ SAGITTA = 0.2
 # approach over extent are .8 times the strain where the energy is, or more, and .9 of the turn of a
 # cantilever; what supports and surfaces are off a rigid motion is .3 of the turn of a beam that is bent
 # on three points.
-PRESSED, SUSPECTED = 0.5, 0.25
+SUSPECTED = 0.25
 
 # -- validity.deformed_boundaries -----------------------------------------
 
@@ -115,11 +100,6 @@ SUPPORTED = 1e-3
 # points of one side, between them unlike meshes overlap by a part of what they are pressed in. At the
 # end of a wedge that is driven in it is 0.28, whatever the mesh, with forces that are right to 1e-3.
 OVERLAP = 0.35
-
-# The same of a node from which all facets fall away by more than the approach, so that it is all that
-# presses: on tips of domes between this and half of the approach forces are off by 2 to 19 %, by 0 to
-# 7 % where facets fall away by less.
-ALONE = 0.25
 
 # -- tangent.rates -----------------------------------------------
 

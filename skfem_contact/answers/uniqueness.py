@@ -19,7 +19,7 @@ and Löwen, 1987). Too many to try; but two consequences of it are cheap:
 In 3-D pieces are not linear, as the direction of friction turns with the slip s: it adds a spring
 ``mu lambda / |s| (1 - d d')`` to the rows. Degree and indices are what they were, and so are both
 consequences, with the least coefficient for which any direction and any such spring makes the
-determinant of one point negative: `pieces.critical_friction`.
+determinant of one point negative: `critical_friction`.
 
 That there is exactly *one* answer to every load is shown by energy, in both dimensions and up to a
 coefficient that falls with the number of points across the contact: `unique_up_to`.
@@ -41,35 +41,27 @@ which it holds falls with the root of the number of points across the contact. W
 not coupled, as between flat bodies that mirror each other, any coefficient will do as `c` grows.
 
 A finite tangential stiffness G is a compliance ``1 / G`` more in ``W_tt``: `s` is then what slips.
-
-Forces of contacts may be undetermined where displacements are not, as conditions of points that press
-depend on each other. Forces v with ``B'v = 0`` can then be added to those of an answer, as long as all
-points still press and no friction exceeds its bound: displacements stay what they are. So it is between
-contacts that share an edge, with friction or walls at an acute angle, where a tool that supports hold
-is finer than what it presses, and where supports and friction hold the same node.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import product
 
 import numpy as np
 from scipy.linalg import LinAlgError
-from scipy.sparse import csr_matrix, vstack
-from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import FEW, SHARES, SHOWN
+from skfem_contact.answers.thresholds import DIRECTIONS, FEW, SHARES, SHOWN
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import Coulomb, Tresca
 from skfem_contact.conditions.friction_rule import CheckedLaw
-from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.conditions.state import SLIP, STICK
-from skfem_contact.digits import SOLVED
-from skfem_contact.linalg.dense_factors import cholesky
+from skfem_contact.conditions.state import OPEN, SLIP
+from skfem_contact.digits import COMPUTED, SOLVED
+from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, lu
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.thresholds import LOOSE
 from skfem_contact.records import dataclass
@@ -143,8 +135,6 @@ def uniqueness(result: Answer) -> Uniqueness | None:
         None where it is not computed: on the sparse route, with contact rows that depend on each
         other, and where the answer leaves a motion free.
     """
-    from skfem_contact.answers.pieces import critical_friction, orientation, turning_springs
-
     found = result.recover.space(result.kin)
     if found is None:
         return None
@@ -203,72 +193,6 @@ def _steepest(contact: Contact) -> Array | float:
     if type(law) is OrthotropicCoulomb and (contact.bilateral or not np.any(law.cohesion)):
         return law.larger
     return np.nan
-
-
-def undetermined(answer: Answer) -> tuple[str, ...]:
-    """A sentence per group of contacts whose forces are not unique; see `ContactResult.undetermined`.
-
-    Points that hardly press count for nothing: what is left of them decides on no force.
-    """
-    if not answer.springs:
-        return ()
-    from skfem_contact.elimination.constraint import eliminate
-
-    rows, points = _rows(answer)
-    redundant = eliminate(rows, np.zeros(len(points))).redundant
-    _, group = connected_components(abs(rows) @ abs(rows).T, directed=False)
-    of_point = np.concatenate([np.full(len(kin), i) for i, kin in enumerate(_parts(answer))])
-    found: dict[tuple[int, ...], list[int]] = {}
-    for g in np.unique(group[redundant]):
-        contacts = tuple(np.unique(of_point[points[group == g]]).tolist())
-        counts = found.setdefault(contacts, [0, 0])
-        counts[0] += np.count_nonzero(group == g)
-        counts[1] += np.count_nonzero(group[redundant] == g)
-    return tuple(_words(answer, *item) for item in found.items())
-
-
-def _words(answer: Answer, contacts: tuple[int, ...], counts: list[int]) -> str:
-    *first, last = [f"'{answer.names[i]}'" for i in contacts]
-    names = f"{', '.join(first)} and {last}" if first else last
-    total, more = counts
-    return (
-        f"The contact forces of {names} are not unique: of {total} conditions at points that press "
-        f"{more} follow from the others. Displacements are the same for all forces that fulfil them; "
-        "these are chosen by the least squares of friction and of pressure over the surfaces, whatever "
-        "the order of contacts and nodes."
-    )
-
-
-def _rows(answer: Answer) -> tuple[csr_matrix, Index]:
-    """Return what the forces of points act along, over the free DOFs, and which point each is of.
-
-    A point that slips has one row, as its friction follows the normal force.
-    """
-    system, state, conditions = answer.system, answer.state, answer.conditions
-    free = np.setdiff1d(np.arange(system.n), system.D)
-    kin = without_columns(answer.kin, free)
-    m, t = kin.m, kin.tangents
-    largest = np.max(np.abs(state.normal_force), initial=0.0)
-    presses = kin.paired & (kin.bilateral | (state.normal_force > SOLVED * largest))
-    presses &= state.status != 0
-    rows, points = [kin.B_n], [np.arange(m)]
-    if t:
-        slips = np.where((state.status == SLIP)[:, None], conditions.coupling, 0.0)
-        at = np.arange(m * t)
-        spread = csr_matrix((slips.ravel(), (at // t, at)), shape=(m, m * t))
-        rows[0] = csr_matrix(kin.B_n - spread @ kin.B_t)
-        sticks = np.repeat(presses & (state.status == STICK) & conditions.stick, t)
-        rows.append(kin.B_t[sticks])
-        points.append(at[sticks] // t)
-    rows[0], points[0] = rows[0][presses], points[0][presses]
-    all_rows, all_points = csr_matrix(vstack(rows)), np.concatenate(points)
-    moves = np.diff(all_rows.indptr) > 0  # the others are data: supports make them
-    return csr_matrix(all_rows[moves]), all_points[moves]
-
-
-def _parts(answer: Answer) -> list[Index]:
-    """The points of each contact."""
-    return [np.arange(answer.kin.m)[part] for part in answer.slices()]
 
 
 def unique_up_to(space: PointSpace, friction: Array, G: Array, tied: Mask) -> float:
@@ -432,3 +356,241 @@ def _largest(solve: Callable[[Array], Array], diagonal: Array) -> float:
     A = LinearOperator((len(on), len(on)), matvec=product, dtype=float)
     found = eigsh(A, 1, v0=root, tol=SHOWN / 10, return_eigenvectors=False)
     return float(found[0])
+
+
+# -- pieces of the equation ---------------------------------------------------------------------------
+
+
+def critical_friction(space: PointSpace, status: Index, friction: Array, G: Array) -> Array:
+    """Least coefficient for which a point that slips makes a piece negative, the others open or stuck.
+
+    It meets the stiffness k. In 2-D the coefficient is ``k_tt / |k_tn|``. In 3-D the direction d of
+    friction is any, and so is the spring c across it; the determinant
+
+        ``det(k_tt) (1 + mu d' k_tt^-1 k_tn) + c (d' k_tt d + mu d' k_tn)``
+
+    is negative for some of them above ``min(1 / |k_tt^-1 k_tn|, d' k_tt d / |d' k_tn|)``.
+
+    Parameters
+    ----------
+    space : PointSpace
+    status : ndarray of int, shape (m,)
+    friction : ndarray, shape (m,)
+        NaN at points to leave out.
+    G : ndarray, shape (m,)
+        Tangential stiffness of sticking points, ``inf`` for exact sticking.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+
+    Raises
+    ------
+    LinAlgError
+        If the points that are closed do not hold the bodies.
+
+    Examples
+    --------
+    One point on two springs that its gap and its slip share; and with a second slip beside it:
+
+    >>> S = np.array([[2.0, 1.0, 0.0], [1.0, 3.0, 0.0], [0.0, 0.0, 1.0]])
+    >>> status, mu, G = np.array([0]), np.ones(1), np.full(1, np.inf)
+    >>> critical_friction(PointSpace(S[:2, :2], np.array([0]), np.array([[1]])), status, mu, G)
+    array([3.])
+    >>> critical_friction(PointSpace(S, np.array([0]), np.array([[1, 2]])), status, mu, G).round(3)
+    array([2.828])
+    """
+    able, exists = _able(space, friction), space.tangential_rows >= 0
+    soft = (status != OPEN) & able & np.isfinite(G)
+    free, A = _unheld(space, status == OPEN, soft, _isotropic(space, G))
+    place = np.full(len(space.S), -1)
+    place[free] = np.arange(len(free))
+    W = _factors(A).inverse()
+    coupling = W @ space.S[free]  # of free rows to all others
+    out = np.where(able, np.inf, np.nan)
+    for has in product((True, False), repeat=exists.shape[1]):
+        columns = np.flatnonzero(has)
+        mine = able & (exists == np.array(has)).all(axis=1)
+        for some, stiffness in (
+            (status == OPEN, _open),
+            (soft, _soft),
+            ((status != OPEN) & ~soft, _stuck),
+        ):
+            chosen = np.flatnonzero(mine & some)
+            if len(chosen):
+                n, t = space.normal_rows[chosen], space.tangential_rows[chosen][:, columns]
+                met = stiffness(Free(space.S, free, place, W, coupling), n, t, G[chosen])
+                out[chosen] = _least(*met)
+    return out
+
+
+def orientation(
+    space: PointSpace,
+    status: Index,
+    tangential_force: Array,
+    friction: Array,
+    G: Array,
+    springs: Array,
+) -> int:
+    """Sign of the determinant of the linear problem that an answer solves: 1, -1, or 0 for round-off.
+
+    Parameters
+    ----------
+    space : PointSpace
+    status : ndarray of int, shape (m,)
+    tangential_force : ndarray, shape (m, d-1)
+        That resists a positive slip.
+    friction : ndarray, shape (m,)
+    G : ndarray, shape (m,)
+    springs : ndarray, shape (m, d-1, d-1)
+        Of points that slip, from `turning_springs`.
+    """
+    t = space.tangential_rows
+    exists = np.isfinite(friction) & (t >= 0).any(axis=1)
+    slips = (status == SLIP) & exists
+    soft = (status != OPEN) & exists & ~slips & np.isfinite(G)
+    held_by = np.where(slips[:, None, None], springs, _isotropic(space, G))
+    free, J = _unheld(space, status == OPEN, soft | slips, held_by)
+    _factors(J)  # what follows has a meaning only where the bodies are held
+    size = np.sqrt(np.diag(J))
+    length = np.linalg.norm(tangential_force, axis=1)
+    coupled = slips & (friction > 0) & (space.normal_rows >= 0)
+    for k in range(t.shape[1]):
+        on = coupled & (t[:, k] >= 0)
+        push = friction[on] * tangential_force[on, k] / np.where(length[on] > 0, length[on], 1.0)
+        J[np.searchsorted(free, t[on, k])] += (
+            push[:, None] * space.S[np.ix_(space.normal_rows[on], free)]
+        )
+    J /= size
+    J /= size[:, None]
+    try:
+        factors = lu(J, overwrite=True)
+    except LinAlgError:
+        return 0
+    # where pieces of opposite signs meet, round-off would tell of answers that there are not
+    least = COMPUTED * np.max(factors.diagonal, initial=1.0)
+    return factors.sign if np.all(factors.diagonal > least) else 0
+
+
+def turning_springs(tangential_force: Array, slip: Array, G: Array, space: PointSpace) -> Array:
+    """What resists a slip across friction, which turns with it: ``|tau| / |s| (1 - d d')``, (m, t, t).
+
+    A tangential stiffness G is in series with it: friction turns with the trial force, which is longer
+    than `tau` by G times the slip.
+
+    Parameters
+    ----------
+    tangential_force, slip : ndarray, shape (m, d-1)
+        The slip is what G does not give back.
+    G : ndarray, shape (m,)
+    space : PointSpace
+    """
+    m, t = tangential_force.shape
+    if t == 1:
+        return np.zeros((m, 1, 1))
+    force, moved = np.linalg.norm(tangential_force, axis=1), np.linalg.norm(slip, axis=1)
+    d = tangential_force / np.where(force > 0, force, 1.0)[:, None]
+    across = np.eye(t) - d[:, :, None] * d[:, None, :]
+    gives = np.divide(moved, force, out=np.full(m, np.inf), where=force > 0) + 1.0 / G
+    least = SOLVED / np.max(np.diag(space.S))  # a spring as stiff as that is as good as sticking
+    c = 1.0 / np.maximum(gives, least)
+    return np.asarray(c[:, None, None] * across)
+
+
+@dataclass(frozen=True, eq=False)
+class Free:
+    """The rows that are free: their numbers, places (-1: held), compliance W, and W S."""
+
+    S: Array
+    rows: Index
+    place: Index
+    W: Array
+    coupling: Array
+
+
+#: Stiffness that points meet, along their slips (p, c, c) and between them and the gap (p, c), the
+#: second over the first (p, c), and what they are measured by (p,).
+Met = tuple[Array, Array, Array, Array]
+
+
+def _open(free: Free, n: Index, t: Index, _: Array) -> Met:
+    i, j = free.place[n], free.place[t]
+    W_nn, W_tn = free.W[i, i], free.W[j, i[:, None]]
+    W_tt = free.W[j[:, :, None], j[:, None, :]]
+    over = -W_tn / W_nn[:, None]
+    K = np.linalg.inv(W_tt + over[:, :, None] * W_tn[:, None, :]).astype(float)
+    k = np.einsum("pij,pj->pi", K, over)
+    return K, k, over, np.reciprocal(np.einsum("pii->p", W_tt))
+
+
+def _soft(free: Free, n: Index, t: Index, G: Array) -> Met:
+    j = free.place[t]
+    met = np.linalg.inv(free.W[j[:, :, None], j[:, None, :]]).astype(float)
+    K = met - G[:, None, None] * np.eye(t.shape[1])
+    k = np.einsum("pij,pj->pi", met, free.coupling[j, n[:, None]])
+    return K, k, _over(K, k), np.einsum("pii->p", met)
+
+
+def _stuck(free: Free, n: Index, t: Index, _: Array) -> Met:
+    S = free.S
+    K = S[t[:, :, None], t[:, None, :]]
+    follows = free.coupling[:, t]  # (free, p, c)
+    K = K - np.einsum("fpi,fpj->pij", S[free.rows][:, t], follows)
+    k = S[t, n[:, None]] - np.einsum("fp,fpi->pi", S[np.ix_(free.rows, n)], follows)
+    return K, k, _over(K, k), np.einsum("pii->p", S[t[:, :, None], t[:, None, :]])
+
+
+def _over(K: Array, k: Array) -> Array:
+    """``K^-1 k``; K is of points that something holds, or of no use."""
+    good = np.linalg.eigvalsh(K)[:, 0] > 0
+    return np.asarray(
+        np.linalg.solve(np.where(good[:, None, None], K, np.eye(K.shape[1])), k[..., None])
+    )[..., 0]
+
+
+def _least(K: Array, k: Array, over: Array, scale: Array) -> Array:
+    """The critical coefficient; infinite without coupling, or where nothing but this point holds."""
+    held = np.linalg.eigvalsh(K)[:, 0] > SOLVED * scale
+    clear = held & (np.linalg.norm(k, axis=1) > COMPUTED * scale)
+    found = 1.0 / np.linalg.norm(over[clear], axis=1)
+    if k.shape[1] == 2:  # at any of many directions it is sufficient: the least of them, nearly
+        angle = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+        d = np.column_stack([np.cos(angle), np.sin(angle)])
+        along = np.einsum("qi,pij,qj->pq", d, K[clear], d, optimize=True)
+        with np.errstate(divide="ignore"):  # along a direction across the coupling
+            found = np.minimum(found, np.min(along / np.abs(k[clear] @ d.T), axis=1))
+    out = np.full(len(k), np.inf)
+    out[clear] = found
+    return out
+
+
+def _able(space: PointSpace, friction: Array) -> Mask:
+    """Points with friction whose gap and slip can change."""
+    slips = (space.tangential_rows >= 0).any(axis=1)
+    return np.asarray(np.isfinite(friction) & (space.normal_rows >= 0) & slips)
+
+
+def _isotropic(space: PointSpace, G: Array) -> Array:
+    """The same stiffness along all tangents, (m, t, t); zero where it is infinite."""
+    t = space.tangential_rows.shape[1]
+    return np.where(np.isfinite(G), G, 0.0)[:, None, None] * np.eye(t)
+
+
+def _unheld(space: PointSpace, opened: Mask, soft: Mask, springs: Array) -> tuple[Index, Array]:
+    """Rows that are free, those of open points and of slips that a spring holds; their stiffness."""
+    n, t = space.normal_rows, space.tangential_rows
+    free = np.concatenate([n[opened], t[opened].ravel(), t[soft].ravel()])
+    free = np.sort(free[free >= 0])
+    A = space.S[np.ix_(free, free)]
+    for j, k in product(range(t.shape[1]), repeat=2):
+        on = soft & (t[:, j] >= 0) & (t[:, k] >= 0)
+        A[np.searchsorted(free, t[on, j]), np.searchsorted(free, t[on, k])] += springs[on, j, k]
+    return free, A
+
+
+def _factors(A: Array) -> DenseFactors:
+    """Cholesky factor of the stiffness that free rows meet; closed points have to hold them."""
+    factors = cholesky(A)
+    if not factors.even(LOOSE):
+        raise LinAlgError("the closed points leave a motion free")
+    return factors

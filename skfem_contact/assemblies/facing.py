@@ -19,11 +19,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, across, sizes, unit
 from skfem_contact.assemblies.thresholds import NEARLY, OPPOSITE, TOWARDS_RIM, UNSURE
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import node_positions
-from skfem_contact.bodies.normals import across, sizes, unit
 from skfem_contact.bodies.selection import pieces as pieces_of
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN

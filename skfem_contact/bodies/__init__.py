@@ -1,18 +1,15 @@
 """Bodies, as the user gives them, with stiffness and loads, and the surfaces that may touch.
 
 * `inputs`, `selection`: matrices, vectors, sets of DOFs and facets as users pass them, checked;
-  nodes of facets, and pieces of a mesh;
+  nodes of facets, and pieces of a mesh; tractions and displacements by the names of boundaries;
 * `assembly`: stiffness and moduli from a form; `quadrature`: points of integration, gradients;
-* `boundaries`: tractions and displacements by the names of boundaries;
-* `member`: what is asked of a body; `body`, `system`: one, and several under one numbering;
-  `nonlinear`: bodies that yield or stretch, `equations` (with `gradients`): their equations;
-  `rigid_modes`;
-* `remote`: a stiffness that is held elsewhere, by a backend over several processes;
+* `member`: what is asked of a body, and its rigid modes; `body`, `system`: one, and several under one
+  numbering; `nonlinear`: bodies that yield or stretch, `equations` (with `gradients`): their
+  equations; a stiffness that is held elsewhere, by a backend;
 * `surface`: a boundary as contact sees it, of a body or of none;
 * `facet_kinds`: the shape functions of facets; `facets`: their areas, their corners, and what lies
   across edges;
 * `normal_field`: averaged normals, and where a surface turns;
-* `normals`: vectors, tangents and angles;
 * `quadrics`: the smooth boundaries that nodes lie on;
 * `thresholds`: numbers, and where they come from.
 """
@@ -36,8 +33,8 @@ __getattr__, __dir__ = entrances(
         "facet_kinds": "FacetKind KINDS kind_of",
         "facets": "twin_edges",
         "inputs": "SUPPORTED",
-        "normal_field": "kink_angles",
-        "normals": "angle_between tangents",
+        "normal_field": "angle_between kink_angles",
+        "quadrics": "tangents",
         "selection": "pieces",
         "surface": "bare_surface ContactSurface",
         "system": "stack System",

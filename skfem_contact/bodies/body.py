@@ -21,7 +21,6 @@ from skfem.assembly import BilinearForm, CellBasis
 from skfem_contact.arguments import check_name, known_keywords, with_known_keywords
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.assembly import Moduli, mean_moduli, moduli
-from skfem_contact.bodies.boundaries import displacements, tractions
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.inputs import (
     CONDENSED,
@@ -38,10 +37,9 @@ from skfem_contact.bodies.inputs import (
     prescribed_values,
     stiffness_of,
 )
-from skfem_contact.bodies.member import Linearized, Meshed, State
+from skfem_contact.bodies.member import Linearized, Meshed, State, motion_names, rigid_modes
 from skfem_contact.bodies.quadrature import volume
-from skfem_contact.bodies.rigid_modes import motion_names, rigid_modes
-from skfem_contact.bodies.selection import pieces
+from skfem_contact.bodies.selection import displacements, pieces, tractions
 from skfem_contact.bodies.surface import ContactSurface, extract_surface
 from skfem_contact.carried import can_be_carried, carried
 from skfem_contact.errors import InputError

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from skfem_contact.arguments import numbers
-from skfem_contact.arrays import Array, Index
+from skfem_contact.arrays import Array, Index, across, sizes
 from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
-from skfem_contact.bodies.normals import across, sizes
 from skfem_contact.bodies.selection import written
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.errors import InputError

@@ -15,12 +15,12 @@ from skfem.assembly import BilinearForm, CellBasis, LinearForm
 from skfem_contact.arguments import check_switch, numbers, shown, with_known_keywords
 from skfem_contact.arrays import Array, check_finite, check_size, rectangular
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.boundaries import boundary_dofs, check_not_lost
 from skfem_contact.bodies.equations import Continuum, Differentiated, Forms
 from skfem_contact.bodies.gradients import Gradients
 from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points
 from skfem_contact.bodies.member import Linearized, State
 from skfem_contact.bodies.quadrature import LINEAR, scalar_element
+from skfem_contact.bodies.selection import boundary_dofs, check_not_lost
 from skfem_contact.errors import InputError, warn
 from skfem_contact.materials.material import FromFunction, Material, Split
 from skfem_contact.materials.tensors import deformation, solid

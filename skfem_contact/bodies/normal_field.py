@@ -20,10 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, angle_between, cross, sizes, unit
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
 from skfem_contact.bodies.facets import facet_sizes, own_normals, seen_from_outside
-from skfem_contact.bodies.normals import angle_between, cross, sizes, unit
 from skfem_contact.bodies.selection import pieces
 from skfem_contact.bodies.thresholds import ALIKE, BENT, CORNER, FADES, STEEPEST, STRAIGHT
 from skfem_contact.digits import GIVEN, SOLVED

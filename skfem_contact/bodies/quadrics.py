@@ -27,9 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
-from skfem_contact.arrays import Array, Index, Mask, runs
+from skfem_contact.arrays import Array, Index, Mask, cross, runs, tangents
 from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.bodies.normals import cross, tangents
 from skfem_contact.bodies.thresholds import BOWED, ENOUGH, FITS
 from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF, SOLVED
 from skfem_contact.records import dataclass

@@ -14,8 +14,7 @@ from skfem_contact import arguments
 from skfem_contact.arguments import suggest
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.inputs import csr32
-from skfem_contact.bodies.member import Member
-from skfem_contact.bodies.remote import check_whole
+from skfem_contact.bodies.member import Member, check_whole
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed, sealed_matrix

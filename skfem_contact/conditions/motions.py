@@ -25,7 +25,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from skfem_contact.arrays import Array, Mask, block_diagonal, largest
-from skfem_contact.bodies import rigid_modes
+from skfem_contact.bodies import member
 from skfem_contact.bodies.system import System
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import Coulomb
@@ -217,14 +217,14 @@ def rigid_motions(system: System, kin: Kinematics, stiffness: Sequence[csr_matri
     """Find the rigid motions that neither prescribed DOFs nor the stiffness resist."""
     blocks = []
     for i, (body, K) in enumerate(zip(system.bodies, stiffness, strict=True)):
-        R = system.modes(i) / rigid_modes.largest(system.modes(i))
+        R = system.modes(i) / member.largest(system.modes(i))
         # prescribed DOFs and springs to the ground: rows that a free motion leaves at zero
         left = null_space(R[body.D])
         if left.shape[1]:  # where supports hold all motions, springs have none to hold
             springs = _resistance(K, R)
             left = null_space(np.concatenate([R[body.D], springs])) if len(springs) else left
         free = R @ left
-        peak = rigid_modes.largest(free)
+        peak = member.largest(free)
         blocks.append(free / np.where(peak > 0, peak, 1.0))
     return RigidMotions(block_diagonal(blocks), kin, system)
 

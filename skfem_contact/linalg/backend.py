@@ -10,8 +10,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from skfem_contact.arrays import Array, Index
-from skfem_contact.bodies.member import Member
-from skfem_contact.bodies.remote import RemoteStiffness, check_whole
+from skfem_contact.bodies.member import Member, RemoteStiffness, check_whole
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.linalg.singular import Solve

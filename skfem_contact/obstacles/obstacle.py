@@ -17,9 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix, identity
 
 from skfem_contact.arguments import PrintedAsCall, check_kind, check_name, numbers, shown
-from skfem_contact.arrays import Array, Index
+from skfem_contact.arrays import Array, Index, sizes, tangents
 from skfem_contact.bodies.facets import area_vectors
-from skfem_contact.bodies.normals import sizes, tangents
 from skfem_contact.bodies.surface import ContactSurface, bare_surface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.closest import signed_distances

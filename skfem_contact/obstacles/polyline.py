@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import check_name, check_switch, numbers, take, with_known_keywords
-from skfem_contact.arrays import Array, Index, Mask
-from skfem_contact.bodies.normals import sizes
+from skfem_contact.arrays import Array, Index, Mask, sizes
 from skfem_contact.bodies.selection import written
 from skfem_contact.digits import COMPUTED, ROUND_OFF
 from skfem_contact.errors import InputError

@@ -20,8 +20,7 @@ from skfem_contact.arguments import (
 )
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.inputs import csr32
-from skfem_contact.bodies.member import Linearized, Member, State
-from skfem_contact.bodies.rigid_modes import motion_names
+from skfem_contact.bodies.member import Linearized, Member, State, motion_names
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError

@@ -21,9 +21,8 @@ from skfem_contact.arguments import (
     take,
     with_known_keywords,
 )
-from skfem_contact.arrays import Array, Index
+from skfem_contact.arrays import Array, Index, sizes
 from skfem_contact.bodies.facets import area_vectors, twin_edges
-from skfem_contact.bodies.normals import sizes
 from skfem_contact.bodies.selection import written
 from skfem_contact.digits import SINGLE
 from skfem_contact.errors import InputError

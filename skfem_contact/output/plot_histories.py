@@ -12,8 +12,8 @@ from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import check_kind, known_keywords, members, numbers, shown, suggest
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.boundaries import boundary_dofs
 from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.selection import boundary_dofs
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import STATUS
 from skfem_contact.errors import InputError

@@ -11,8 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse import bsr_matrix
 
-from skfem_contact.arrays import Array, Index, Mask
-from skfem_contact.bodies.normals import across, unit
+from skfem_contact.arrays import Array, Index, Mask, across, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.smooth import Heights, Place, curved_pairs, heights
 from skfem_contact.pairing.vectors import assembled, without_round_off

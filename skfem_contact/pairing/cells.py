@@ -27,9 +27,8 @@ from functools import cached_property
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, across, cross, sizes, unit
 from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.bodies.normals import across, cross, sizes, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.pairing.clipping import signed_areas

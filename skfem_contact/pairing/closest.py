@@ -7,8 +7,7 @@ from math import dist
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask
-from skfem_contact.bodies.normals import sizes
+from skfem_contact.arrays import Array, Index, Mask, sizes
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.digits import GIVEN, SOLVED

@@ -24,8 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import Array, Index, Mask
-from skfem_contact.bodies.normals import tangents
+from skfem_contact.arrays import Array, Index, Mask, tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.digits import GIVEN, SOLVED

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from skfem_contact.bodies.normals import angle_between
+from skfem_contact.arrays import angle_between
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.node import Pairing

@@ -23,9 +23,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import Array, Mask
+from skfem_contact.arrays import Array, Mask, angle_between, sizes, tangents, unit
 from skfem_contact.bodies.facets import area_integrals
-from skfem_contact.bodies.normals import angle_between, sizes, tangents, unit
 from skfem_contact.bodies.surface import ContactSurface, NoBody
 from skfem_contact.digits import GIVEN
 from skfem_contact.pairing.node import Pairing, gap_vectors

@@ -43,8 +43,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix
 
-from skfem_contact.arrays import Array, Index, Mask
-from skfem_contact.bodies.normals import angle_between, tangents, unit
+from skfem_contact.arrays import Array, Index, Mask, angle_between, tangents, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.thresholds import BENT
 from skfem_contact.digits import GIVEN, ROUND_OFF, SOLVED

@@ -23,8 +23,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix, diags, identity
 
-from skfem_contact.arrays import Array, Index, Mask
-from skfem_contact.bodies.normals import angle_between, sizes, tangents
+from skfem_contact.arrays import Array, Index, Mask, angle_between, sizes, tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError

@@ -18,9 +18,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, across, cross, sizes, unit
 from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
-from skfem_contact.bodies.normals import across, cross, sizes, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.pairing.vectors import dot, ragged, turned

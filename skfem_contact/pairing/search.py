@@ -18,9 +18,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask, runs
+from skfem_contact.arrays import Array, Index, Mask, runs, sizes, tangents
 from skfem_contact.bodies.facet_kinds import node_positions
-from skfem_contact.bodies.normals import sizes, tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED
 from skfem_contact.pairing.thresholds import BULGE, FEW_PAIRS, MARGIN

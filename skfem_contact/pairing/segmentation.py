@@ -41,10 +41,9 @@ from functools import cached_property
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, runs
+from skfem_contact.arrays import Array, Index, cross, runs, sizes, unit
 from skfem_contact.bodies.facet_kinds import KINDS, FacetKind
 from skfem_contact.bodies.facets import area_elements
-from skfem_contact.bodies.normals import cross, sizes, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, ROUND_OFF, SINGLE
 from skfem_contact.errors import InputError

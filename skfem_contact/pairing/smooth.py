@@ -49,8 +49,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask
-from skfem_contact.bodies.normals import tangents, unit
+from skfem_contact.arrays import Array, Index, Mask, tangents, unit
 from skfem_contact.bodies.quadrics import corner_weights, principal
 from skfem_contact.bodies.surface import ContactSurface, NoBody
 from skfem_contact.pairing.vectors import dot

@@ -35,8 +35,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csr_matrix, diags
 
-from skfem_contact.arrays import Array, Index, Mask
-from skfem_contact.bodies.normals import unit
+from skfem_contact.arrays import Array, Index, Mask, unit
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.segmentation import Segmentation

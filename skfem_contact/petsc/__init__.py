@@ -1,7 +1,7 @@
 """Linear problems distributed over MPI ranks, solved by PETSc.
 
 Nothing else imports it; it plugs in as a backend (skfem_contact/linalg/backend.py), and bodies have its
-stiffness as one that is held elsewhere (skfem_contact/bodies/remote.py).
+stiffness as one that is held elsewhere (`bodies.member.RemoteStiffness`).
 
 * `backend`: what users choose, ``sc.petsc.PETSc``;
 * `ranks`: rank 0 runs the script, the others serve it;

@@ -20,7 +20,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.arrays import Array, Index
-from skfem_contact.bodies.remote import RemoteStiffness
+from skfem_contact.bodies.member import RemoteStiffness
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.petsc.ranks import Ranks

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from skfem_contact.arrays import Index
-from skfem_contact.bodies.remote import check_whole
+from skfem_contact.bodies.member import check_whole
 from skfem_contact.bodies.system import System
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError

@@ -17,7 +17,7 @@ from scipy.linalg import block_diag as dense_block_diag
 from scipy.sparse import block_diag, bmat, csr_matrix, diags, hstack, identity, vstack
 
 from skfem_contact.arrays import Array, Index, Mask
-from skfem_contact.bodies.remote import RemoteStiffness
+from skfem_contact.bodies.member import RemoteStiffness
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.kinematics import Kinematics, prescribed_rows, without_columns
 from skfem_contact.conditions.loads import LoadCase

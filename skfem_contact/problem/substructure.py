@@ -16,11 +16,9 @@ import numpy as np
 from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import Array, Index, same
+from skfem_contact.arrays import Array, Index, same, sizes
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.member import Member
-from skfem_contact.bodies.normals import sizes
-from skfem_contact.bodies.rigid_modes import largest
+from skfem_contact.bodies.member import Member, largest
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import ROUND_OFF

@@ -184,9 +184,8 @@ def test_curves_that_fit_and_facets_that_are_curved():
     # two like arcs: their curvatures add
     double = sagittas(bottom, bottom, facet)[lowest]
     assert double == pytest.approx(2 * bottom.lengths[facet[0]] ** 2 / 8, rel=0.02)
-    n, across = bottom.facet_node_normals, bottom.facet_normals[:, None]
-    mirrored = 2 * np.sum(n * across, axis=2, keepdims=True) * across - n
-    hollow = replace(bottom, facet_node_normals=mirrored)
+    n, m = bottom.facet_node_normals, bottom.facet_normals[:, None]
+    hollow = replace(bottom, facet_node_normals=2 * np.sum(n * m, axis=2, keepdims=True) * m - n)
     assert sagittas(bottom, hollow, facet)[lowest] == pytest.approx(0.0, abs=1e-12)
     for straight, pieces in ((True, 1.0), (False, 0.5)):
         basis = block("arc", CHORD, "Q2", straight=straight)

@@ -89,7 +89,7 @@ class Sensitivity:
         """Return the derivatives of the displacements of one body, shape (n_body,)."""
         return self.u[self._answer.system.slice(body)]
 
-    def of(self, quantity: str, contact: Any = None) -> Array:
+    def of(self, quantity: str, contact: Any = None) -> Any:
         """Return the derivatives of a quantity of a contact, in the shape of its values.
 
         Parameters
@@ -106,7 +106,9 @@ class Sensitivity:
         take(maps, values)
         found = self._sign * values[ASKED][at]
         found = found.sum(axis=0) if quantity in SUMS else found
-        return found if quantity in ("slip", "tangential_force", "force") else found.take(0, axis=-1)
+        if quantity in ("slip", "tangential_force", "force"):
+            return found
+        return found[..., 0] if found.ndim > 1 else float(found[0])
 
     gap: Array = _its("gap", "The derivatives of the gaps of the only contact, (m,).")
     normal_force: Array = _its("normal_force", "The derivatives of the normal forces, (m,).")

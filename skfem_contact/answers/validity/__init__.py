@@ -1,6 +1,6 @@
 """Is the model valid at the answer? Small sliding, small rotations, no overlaps that nobody looked for.
 
-* `validity`: the values that steps and `assess` measure; `words`: what is beyond its bound, in words;
+* `validity`: the values that steps and `assess` measure, and what is beyond its bound, in words;
 * `deformed_boundaries`: signed distances between deformed boundaries, seen from outside; `edges`: of
   solids, that cross; `overlaps`: where steps look for them, and what obstacles hide;
 * `track`: where points are led by their slip, how the other side curves and where it ends; `chords`:

@@ -7,10 +7,9 @@ are the same findings.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import replace
-from functools import wraps
-from typing import Any, TypeVar
+from functools import cache
 
 import numpy as np
 
@@ -19,7 +18,6 @@ from skfem_contact.answers.thresholds import A_TENTH
 from skfem_contact.answers.validity.chords import drawn_off
 from skfem_contact.answers.validity.deformed_boundaries import (
     Boundary,
-    BoundaryNodes,
     Meeting,
     at_obstacle,
     between,
@@ -32,8 +30,10 @@ from skfem_contact.answers.validity.strain import lockable, locked, strains
 from skfem_contact.answers.validity.support import beyond_round_off, elastic_approach
 from skfem_contact.answers.validity.track import tool_motion
 from skfem_contact.answers.validity.turned import leaning
-from skfem_contact.answers.validity.validity import ContactValidity, Drift, Validity
-from skfem_contact.answers.validity.words import (
+from skfem_contact.answers.validity.validity import (
+    ContactValidity,
+    Drift,
+    Validity,
     crossing_words,
     facet_words,
     locking_words,
@@ -43,7 +43,6 @@ from skfem_contact.answers.validity.words import (
     sliding_words,
     strain_words,
 )
-from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
@@ -53,9 +52,6 @@ from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import warn
 from skfem_contact.obstacles.obstacle import Obstacle
-
-Key = TypeVar("Key")
-Value = TypeVar("Value")
 
 #: What may be wrong with a contact, in the order in which it is told.
 OF_CONTACTS = ("sliding", "overlap", "facets")
@@ -101,20 +97,6 @@ def assess(result: Answer) -> Validity:
     )
 
 
-def _once(measure: Callable[[Any, Key], Value]) -> Callable[[Any, Key], Value]:
-    """A method of one argument, which is computed once for each."""
-
-    @wraps(measure)
-    def kept(self: Any, key: Key) -> Value:
-        known = measure.__name__, key
-        if known not in self._known:
-            self._known[known] = measure(self, key)
-        found: Value = self._known[known]
-        return found
-
-    return kept
-
-
 class Assessment:
     """The measures of one answer, each taken when it is first asked for.
 
@@ -130,17 +112,17 @@ class Assessment:
         self.bounded = [name for name, body in self.solids.items() if not body.finite_strain]
         self.lockable = lockable(result)
         self.meetings = dict(result.diagnostics.meetings)
-        self._known: dict[tuple[str, Any], Any] = {}
+        # each measure once
+        self.strains, self.boundary = cache(self._strains), cache(self._boundary)
+        self.drift, self.contact = cache(self._drift), cache(self._contact)
 
     # -- bodies -------------------------------------------------------------------------------
 
-    @_once
-    def strains(self, name: str) -> tuple[float, float, float]:
+    def _strains(self, name: str) -> tuple[float, float, float]:
         """Mean and largest strain, and rotation, of a body; see `strain.strains`."""
         return strains(self.solids[name], self.result.stretched(name))
 
-    @_once
-    def boundary(self, name: str) -> Boundary:
+    def _boundary(self, name: str) -> Boundary:
         """The deformed boundary of a body."""
         return boundary(self.solids[name], self.result.displacement(name))
 
@@ -171,15 +153,10 @@ class Assessment:
         elif "overlap" in kinds:  # small sliding that does not follow is the reason already
             found["overlap"] = self._overlap(i)
         if drift.facets_too_long and contact.rigid_body is not None:
-            drift = _pressed_in(self.result, i, drift)  # how far a force moves the tool says too little
+            drift = self._pressed_in(i, drift)  # how far a force moves the tool says too little
         if drift.facets_too_long:
             found["facets"] = facet_words(drift, contact)
         return {kind: words for kind, words in found.items() if words and kind in kinds}
-
-    @_once
-    def drift(self, i: int) -> Drift:
-        """Return how far a contact has drifted, with the slips of the displacements."""
-        return _drift(self.result, i)
 
     def _turning(self, i: int) -> list[str]:
         """Names of linear bodies that turn so far that torques are off where contact slides far."""
@@ -191,8 +168,7 @@ class Assessment:
             n for n in self.bounded if n in names and self.strains(n)[2] > max(most, self.strains(n)[0])
         ]
 
-    @_once
-    def contact(self, i: int) -> ContactValidity:
+    def _contact(self, i: int) -> ContactValidity:
         """All that is measured of one contact."""
         result, part = self.result, self.result.slices()[i]
         closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
@@ -201,7 +177,7 @@ class Assessment:
         mu = _coefficient(result.contacts[i])
         share = angle / mu if mu > 0 else np.nan
         seen = meeting.overlap, meeting.chords, meeting.unseen, meeting.opening
-        return ContactValidity(self.drift(i), *seen, angle, share, self._alone(i))
+        return ContactValidity(self.drift(i), *seen, angle, share)
 
     def _overlap(self, i: int) -> str:
         """Return what contact conditions do not see of one contact, in words; empty for nothing."""
@@ -267,17 +243,28 @@ class Assessment:
         boundaries = self.boundary(name), self.boundary(other)
         return between(*boundaries, off, system.extent, moved, added, closed, paired)
 
-    def _alone(self, i: int) -> bool:
-        """Return whether the deepest point is a node that is all that presses there."""
-        meeting, contact = self.meeting(i), self.result.contacts[i]
-        if meeting.outward is None or not of_two_bodies(contact):
-            return False
-        assert meeting.place is not None
-        side = sides_of(contact)[meeting.side]
-        name = self.system.names[self.system.index(side.body)]
-        away = np.linalg.norm(self.boundary(name).nodes - meeting.place, axis=1)
-        nodes = BoundaryNodes.of(self.solids[name])
-        return nodes.falls_away(int(np.argmin(away)), meeting.outward, self.drift(i).approach)
+    def _drift(self, i: int) -> Drift:
+        """Return how far a contact has drifted, with the slips of the displacements."""
+        result = self.result
+        contact, part, track = result.contacts[i], result.slices()[i], result.diagnostics.tracks[i]
+        closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
+        drift = result.diagnostics.drifts[i]
+        if contact.sliding != "small":
+            return self._pressed_in(i, drift)
+        t = result.kin.tangents
+        slip = result.kin.B_t[part.start * t : part.stop * t] @ result.u
+        slip = np.einsum("mk,mkd->md", slip.reshape(-1, t), result.kin.duals[part])
+        gap, force = result.gap[part], result.state.normal_force[part]
+        tool = tool_motion(self.system, contact, track, result.u)
+        found = track.drift(closed, slip, gap, force, drift.approach, result.worn_case, i, part, tool)
+        return replace(drift, **found)
+
+    def _pressed_in(self, i: int, drift: Drift) -> Drift:
+        """Return it with the elastic approach of the displacements, where that is more."""
+        part = self.result.slices()[i]
+        closed = (self.result.state.status[part] != OPEN) & self.result.kin.paired[part]
+        elastic = beyond_round_off(elastic_approach(self.result, i, closed), self.system.extent)
+        return replace(drift, approach=max(drift.approach, elastic))
 
 
 def _coefficient(contact: Contact) -> float:
@@ -285,31 +272,3 @@ def _coefficient(contact: Contact) -> float:
     law = contact.friction
     coefficient = law.smaller if isinstance(law, OrthotropicCoulomb) else getattr(law, "mu", np.nan)
     return float(np.max(coefficient))
-
-
-def _drift(result: Answer, i: int) -> Drift:
-    contact, part, track = result.contacts[i], result.slices()[i], result.diagnostics.tracks[i]
-    closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
-    drift = result.diagnostics.drifts[i]
-    if contact.sliding == "small":
-        slip = _slip(result, part)
-        gap = result.gap[part]
-        force = result.state.normal_force[part]
-        tool = tool_motion(result.system, contact, track, result.u)
-        found = track.drift(closed, slip, gap, force, drift.approach, result.worn_case, i, part, tool)
-        return replace(drift, **found)
-    return _pressed_in(result, i, drift)
-
-
-def _pressed_in(result: Answer, i: int, drift: Drift) -> Drift:
-    """Return it with the elastic approach of the displacements, where that is more."""
-    closed = (result.state.status[result.slices()[i]] != OPEN) & result.kin.paired[result.slices()[i]]
-    elastic = beyond_round_off(elastic_approach(result, i, closed), result.system.extent)
-    return replace(drift, approach=max(drift.approach, elastic))
-
-
-def _slip(result: Answer, part: slice) -> Array:
-    """By the displacements, vectors in the tangent planes (m, d)."""
-    t = result.kin.tangents
-    slip = result.kin.B_t[part.start * t : part.stop * t] @ result.u
-    return np.asarray(np.einsum("mk,mkd->md", slip.reshape(-1, t), result.kin.duals[part]))

@@ -14,11 +14,10 @@ wrong by ``d / e`` or its inverse. So e is compared with what the bodies take up
 wrong by as large a part of them at most, and by less than half of that in general
 (`answers.thresholds.SAGITTA`).
 
-In the plane and in space, curvatures are tensors K. Along a facet of the plane, or an edge or diagonal
-of a face, a smooth boundary is a curve over a chord: its slopes at both ends follow from the averaged
-normals, and say how it bends, ``k h`` of a chord of length h, by the rules of
-`bodies.normal_field.end_slopes` (what is straight, a kink, or a polygon of less than 16 sides does not
-bend). The tensor of a face takes what all its chords say. Between two sides
+In the plane and in space, curvatures are tensors K: how the averaged normals at the corners of a facet
+change along it. An edge that is straight, beside a kink, or of a polygon of less than 16
+sides does not bend (`bodies.normal_field.of_curves`), and a face not along it.
+Between two sides
 
     e = max |x' (K_s + K_p) x| / 8
 
@@ -29,23 +28,22 @@ face, ``tr(K S) / 2`` with the mean S of ``x x'`` over its corners x seen from i
 over the edge of a square. What the secondary itself bends does not count in it, as its nodes are on it.
 
 A rigid cylinder, sphere or plane is met node by node: K_p is its own. The pieces of an outline or an
-STL bend as facets do. Where the bodies are pressed in
-by a given d that is not large beside e, forces depend on where the nodes are: on a disc that is pressed
-into a block by up to 15 % at ``e / d = .25``, 30 % at .5 (`tests/verification/test_coarse_tools.py`).
+STL bend as facets do. Where the bodies are pressed in by a given d that is not large beside e, forces
+depend on where the nodes are: on a disc that is pressed into a block by up to 15 % at ``e / d = .25``,
+30 % at .5 (`tests/verification/test_coarse_tools.py`).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from skfem_contact.answers.thresholds import PIECES, TWIST
+from skfem_contact.answers.thresholds import A_TENTH, PIECES
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.bodies.normal_field import end_slopes, of_curves
+from skfem_contact.bodies.normal_field import of_curves
 from skfem_contact.bodies.quadrics import bowed_facets
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
-from skfem_contact.pairing.thresholds import FACING
 from skfem_contact.pairing.vectors import dot
 
 #: All facets.
@@ -109,38 +107,20 @@ def drawn_off(surface: ContactSurface) -> float:
     """Largest distance between a surface and the straight pieces that stand for it where it is drawn.
 
     Second-order facets are parabolas: over one of n pieces by the nth part squared as high as over
-    the whole. Straight ones are off the curve with the normals at their ends by the height of their
-    chords.
+    the whole. Straight ones are off the curve by the height of their chords.
     """
-    x, corners = surface.points[surface.facets], surface.kind.corners
-    if not surface.quadratic:
-        n = surface.facet_node_normals
-        pairs = [(i, j) for i in range(corners) for j in range(i)]
-        rises = [
-            np.linalg.norm(n[:, i] - n[:, j], axis=1) * np.linalg.norm(x[:, i] - x[:, j], axis=1)
-            for i, j in pairs
-        ]
-        return float(np.max(rises) / 8)
-    edges, parts = (1, PIECES) if surface.dim == 2 else (corners, 2)
-    rises = [
-        np.linalg.norm(x[:, corners + i] - 0.5 * (x[:, i] + x[:, (i + 1) % corners]), axis=1)
-        for i in range(edges)
-    ]
-    return max(float(np.max(rises) / parts**2), _height_of_plane_facets(surface))
-
-
-def _height_of_plane_facets(surface: ContactSurface) -> float:
-    """Height of the smooth boundary over straight facets, by the curvature at their corners."""
-    quadrics = surface.quadrics
-    corners = surface.facets[quadrics.curved & ~quadrics.bowed, : surface.kind.corners]
-    if not len(corners):
-        return 0.0
-    edges = surface.points[np.roll(corners, -1, axis=1)] - surface.points[corners]
-    rises = [
-        np.abs(np.einsum("fed,fedc,fec->fe", edges, quadrics.tensor[ends], edges)) / 8
-        for ends in (corners, np.roll(corners, -1, axis=1))
-    ]
-    return float(np.max(rises))
+    kind, x, n = surface.kind, surface.points[surface.facets], surface.facet_node_normals
+    i, j = np.tril_indices(kind.corners, -1)
+    height = np.linalg.norm(n[:, i] - n[:, j], axis=2) * np.linalg.norm(x[:, i] - x[:, j], axis=2) / 8
+    height = height.max(axis=1)
+    if surface.quadratic:
+        start, end, middle = ([0], [1], [2]) if surface.dim == 2 else kind.edges.T
+        off = np.linalg.norm(x[:, middle] - 0.5 * (x[:, start] + x[:, end]), axis=2).max(axis=1)
+        parts = PIECES if surface.dim == 2 else 2
+        straight = np.where(kinked_edges(surface).any(axis=1), 0.0, height)
+        curved = bowed_facets(surface.points, surface.facets, kind)
+        height = np.where(curved, off / parts**2, straight)
+    return float(np.max(height))
 
 
 def _rise(edges: Array, bend: Array) -> Array:
@@ -176,89 +156,75 @@ def bends(surface: ContactSurface, some: Index | slice = EVERY) -> tuple[Array, 
     >>> bool(bend.any()), edges.shape
     (False, (4, 4, 3))
     """
+    facets = surface.facets[some]
+    x = surface.points[facets[:, : surface.kind.corners]]
+    edges, bend = np.roll(x, -1, axis=1) - x, curvatures(surface, some)
     if surface.dim == 2:
-        rise, edges = _curve_rises(surface, some)
-        bend = (rise / surface.lengths[some, None] ** 2)[:, :, None] * np.eye(2)
-    else:
-        rise, edges, bend = _face_bends(surface, some)
-        if not rise.any():
-            return bend, (0.5 if surface.quadratic else 1.0) * edges
+        edges = (
+            edges[:, :1] * (surface.lengths[some] / np.linalg.norm(edges[:, 0], axis=1))[:, None, None]
+        )
+    if surface.dim == 2 and bend.any():
+        bend[kinked_edges(surface, some).any(axis=1)] = 0.0
+    elif bend.any():
+        kinked = kinked_edges(surface, some)
+        bent = np.broadcast_to(np.eye(3), bend.shape)  # what is across kinked edges, parallel or not
+        for way in np.moveaxis(kinked[..., None] * edges, 1, 0):
+            left = np.einsum("fab,fb->fa", bent, way)
+            size, length = np.linalg.norm(left, axis=1), np.linalg.norm(way, axis=1)
+            left /= np.where(size > A_TENTH * length, size, np.inf)[:, None]
+            bent = bent - left[:, :, None] * left[:, None, :]
+        bend = bent @ bend @ bent
     if not surface.quadratic:
         return bend, edges
     # a facet with its middle nodes on the curve has two parts
-    curved = bowed_facets(surface.points, surface.facets[some], surface.kind)
-    return bend, np.where(curved[:, None, None], 0.5, 1.0) * edges
+    halved = bowed_facets(surface.points, facets, surface.kind)
+    halved |= surface.dim == 3 and not bend.any()
+    return bend, np.where(halved[:, None, None], 0.5, 1.0) * edges
 
 
-def _curve_rises(surface: ContactSurface, some: Index | slice) -> tuple[Array, Array]:
-    """Curvature times length squared of facets of the plane, (nf, 1), and chords of their length."""
-    chain, lengths = surface.facets[some, :2], surface.lengths[some]
-    slopes = end_slopes(surface.points, chain, surface.facet_node_normals[some])
-    rise = (slopes[:, 0] - slopes[:, 1]) * lengths
-    along = surface.points[chain[:, 1]] - surface.points[chain[:, 0]]
-    along *= (lengths / np.linalg.norm(along, axis=1))[:, None]
-    return rise[:, None], along[:, None]
+def curvatures(surface: ContactSurface, some: Index | slice = EVERY) -> Array:
+    """Return how normals change along each facet, by those at its corners, (nf, d, d) [1/length].
 
+    Normals are averaged with the neighbours', except over corners.
 
-def _face_bends(surface: ContactSurface, some: Index | slice) -> tuple[Array, Array, Array]:
-    """Curvature times the square of the length of chords, edges and tensors of faces; see `bends`."""
-    kind, corners = surface.kind, surface.facets[some, : surface.kind.corners]
-    chords = _chords(kind)
-    x, n = surface.points[corners], surface.facet_node_normals[some, : kind.corners]
-    start, end = chords.T
-    along = x[:, end] - x[:, start]
-    across = surface.facet_normals[some]
-    rise, kinked = _rises(along, across, n[:, start], n[:, end])
-    # a diagonal is longer than the edges: beside a kink it turns by less, and is no curve either
-    smooth = ~kinked[:, : kind.corners].any(axis=1)
-    rise[:, kind.corners :][~smooth] = 0.0
-    edges = along[:, : kind.corners]
-    if not rise.any():
-        return rise, edges, np.zeros((len(x), 3, 3))
-    # in the plane of each face, in sizes of a face: the least tensor of those that say so
-    first = edges[:, 0] - dot(edges[:, 0], across)[:, None] * across
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    axes = np.stack([first, np.cross(across, first)], axis=1)
-    size = surface.lengths[some, None]
-    s, t = np.moveaxis(np.einsum("fad,fcd->fca", axes, along) / size[..., None], -1, 0)
-    asked = np.stack([s * s, 2 * s * t, t * t], axis=2)
-    asked[:, kind.corners :][~smooth] = 0.0
-    # edges that are nearly parallel in pairs do not tell the twist: without diagonals it is none
-    unit = asked / np.maximum((s * s + t * t)[..., None], np.finfo(float).tiny)
-    asked[np.linalg.svd(unit, compute_uv=False)[:, -1] < TWIST, :, 1] = 0.0
-    found = np.linalg.pinv(asked) @ rise[..., None]
-    a, b, c = np.moveaxis(found[..., 0] / size**2, -1, 0)
-    plane = np.stack([np.stack([a, b], axis=-1), np.stack([b, c], axis=-1)], axis=-1)
-    return rise, edges, np.einsum("fad,fab,fbe->fde", axes, plane, axes)
-
-
-def kinked_faces(surface: ContactSurface) -> Mask:
-    """Faces at whose edges the surface turns, but not as a curve does, shape (nf,)."""
-    corners = surface.facets[:, : surface.kind.corners]
-    start, end = np.arange(corners.shape[1]), np.roll(np.arange(corners.shape[1]), -1)
-    x, n = surface.points[corners], surface.facet_node_normals[:, : surface.kind.corners]
-    kinked = _rises(x[:, end] - x[:, start], surface.facet_normals, n[:, start], n[:, end])[1]
-    return np.asarray(kinked.any(axis=1))
-
-
-def _chords(kind: FacetKind) -> Index:
-    """Corners of a face that chords go between: its edges, then the diagonals of a quadrilateral."""
-    start = np.arange(kind.corners)
-    edges = np.column_stack([start, np.roll(start, -1)])
-    return edges if kind.corners == 3 else np.vstack([edges, [[0, 2], [1, 3]]])
-
-
-def _rises(along: Array, across: Array, first: Array, last: Array) -> tuple[Array, Mask]:
-    """Curvature times the square of the length of chords (nf, c, 3), from the normals at their ends.
-
-    Zero where a chord is no piece of a curve, as in `normal_field.end_slopes`; and those which are
-    neither that nor straight.
+    >>> import numpy as np
+    >>> import skfem as fem
+    >>> from skfem_contact.bodies.body import Body
+    >>> mesh = fem.MeshHex.init_tensor(*3 * [np.linspace(0, 1, 4)]).with_defaults()
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
+    >>> cube = Body(basis, np.eye(basis.N)).surface("top")
+    >>> bool(curvatures(cube).any())
+    False
     """
-    length = np.linalg.norm(along, axis=2)
-    # slopes of the smooth boundary over the plane of the face
-    start, end = (
-        sign * dot(n, along) / length / np.maximum(dot(n, across[:, None]), FACING)
-        for sign, n in ((-1.0, first), (1.0, last))
-    )
-    curve, most = of_curves(start, end), np.maximum(np.abs(start), np.abs(end))
-    return np.where(curve, (start + end) * length, 0.0), ~curve & (most > GIVEN)
+    c, d = surface.kind.corners, surface.dim
+    x = surface.points[surface.facets[some, :c]]
+    n, across = surface.facet_node_normals[some, :c], surface.facet_normals[some]
+    if np.max(np.abs(n - across[:, None]), initial=0.0) < COMPUTED**0.5:
+        return np.zeros((len(x), d, d))
+    if d == 2:  # of a curve as that of a circle, whose normal turns along all ways by as much
+        along = x[:, 1] - x[:, 0]
+        turn = dot(n[:, 1] - n[:, 0], along) / dot(along, along)
+        return np.asarray(turn[:, None, None] * np.eye(2))
+    x, n = x - x.mean(axis=1, keepdims=True), n - n.mean(axis=1, keepdims=True)
+    square = np.einsum("fkd,fke->fde", x, x)
+    change = np.einsum("fkd,fke->fde", n, x)
+    K = change @ np.linalg.pinv(square, rcond=GIVEN, hermitian=True)
+    plane = np.eye(d) - across[:, :, None] * across[:, None, :]
+    K = plane @ K @ plane
+    return np.asarray(0.5 * (K + np.swapaxes(K, 1, 2)))
+
+
+def kinked_edges(surface: ContactSurface, some: Index | slice = EVERY) -> Mask:
+    """Edges of facets, of lines both ends, that are no pieces of a curve and not straight, (nf, c).
+
+    Those of a polygon of less than 16 sides, and those that the smooth boundary leaves at one end
+    alone: beside a kink, and where the surface ends.
+    """
+    corners = surface.facets[some, : surface.kind.corners]
+    n, up = surface.facet_node_normals[some, : corners.shape[1]], surface.facet_normals[some, None]
+    edges = np.roll(surface.points[corners], -1, axis=1) - surface.points[corners]
+    edges /= np.linalg.norm(edges, axis=2, keepdims=True)
+    up = np.maximum(dot(n, up), COMPUTED)
+    ends = dot(n, edges) / up, dot(np.roll(n, -1, axis=1), edges) / np.roll(up, -1, axis=1)
+    curve = of_curves(ends[0], -ends[1])
+    return np.asarray(~curve & (np.maximum(*np.abs(ends)) > GIVEN))

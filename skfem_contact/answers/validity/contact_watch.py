@@ -23,7 +23,6 @@ from skfem_contact.answers.validity.support import (
     Support,
     beyond_round_off,
     elastic_approach,
-    moving,
     pressed_in,
 )
 from skfem_contact.answers.validity.track import Track, off_arc, tool_motion
@@ -100,7 +99,7 @@ class ContactWatch:
             bodies.append(self.system.index(tool))
         self.bodies = bodies
         held_by = [supports[b] for b in bodies]
-        self.motions = moving(held_by, self.track.points)
+        self.motions = [s.unit_at(self.track.points) for s in held_by]
         points, normal = contact.secondary.points[pairing.paired], pairing.normal[pairing.paired]
         self.borne, self.held = (
             all(s.holds(points, normal) for s in some) for some in (held_by[:1], held_by)

@@ -183,14 +183,6 @@ class Boundary:
             points = points[self.inside(points)]
         return points, self.distance(points) if len(points) else np.zeros(0)
 
-    def way_out(self, point: Array) -> Array:
-        """The outward normal where the boundary is nearest to a point inside, (d,)."""
-        some = np.broadcast_to(point, self.corners[:, 0].shape)
-        nearest = np.argmin(_to_simplices(some, self.corners))
-        normal = self._across[3][nearest]
-        normal = normal / np.linalg.norm(normal)
-        return np.asarray(normal * np.sign(normal @ (self.corners[nearest, 0] - point)))
-
     def signed(self, points: Array) -> Array:
         """Distances of points, negative inside, shape (p,) [length]."""
         return np.where(self.inside(points), -1.0, 1.0) * self.distance(points)
@@ -236,23 +228,6 @@ class BoundaryNodes:
             x = np.einsum("qk,fkd->fqd", weights, x)
         d = points.shape[1]
         return Boundary(np.ascontiguousarray(x[:, simplices].reshape(-1, d, d)), points)
-
-    def falls_away(self, node: int, outward: Array, by: float) -> bool:
-        """Return whether every facet falls away from a node by more than a length.
-
-        As it is meshed: facets that lie on the other body are deformed by the contact.
-
-        Parameters
-        ----------
-        node : int
-        outward : ndarray, shape (d,)
-            Unit normal of what it is pressed on, towards the node.
-        by : float
-            [length]
-        """
-        facets = self.facets[(self.facets == node).any(axis=1)]
-        heights = (self.points[facets] - self.points[node]) @ outward
-        return bool((heights.max(axis=1) > by).all())
 
 
 def boundary(body: Body, u: Array) -> Boundary:
@@ -333,8 +308,6 @@ class Meeting:
         Of the deepest point, where one boundary is in the other [length].
     side : int
         Whose point it is: 0 of the secondary, 1 of the primary.
-    outward : ndarray, shape (d,), or None
-        If it is a node: the normal of the other boundary, out of it.
     """
 
     overlap: float = np.nan
@@ -343,7 +316,6 @@ class Meeting:
     chords: float = 0.0
     place: Array | None = None
     side: int = 0
-    outward: Array | None = None
 
 
 def between(
@@ -383,10 +355,8 @@ def between(
         best = Meeting(-float(true[deepest]), chords=chords[1], place=nodes[deepest])
     for k, (one, other) in enumerate(((secondary, primary), (primary, secondary))):
         own = one.nodes[within(one.nodes, other.box)]  # the others lie outside
-        for nodal, points, explained in (
-            (True, own, chords[1 - k]),
-            (False, one.samples(other.box), sum(chords)),
-        ):
+        samples = one.samples(other.box)
+        for points, explained in ((own, chords[1 - k]), (samples, sum(chords))):
             depth = other.depth(points)
             points, depth = points[depth > noise], depth[depth > noise]
             if len(points) and added[paired].any():
@@ -394,8 +364,7 @@ def between(
             beyond = float(np.max(depth, initial=0.0)) - explained
             if len(points) and depth.max() > 0 and beyond > best.overlap - best.chords:
                 i = int(np.argmax(depth))
-                outward = other.way_out(points[i]) if nodal else None
-                best = Meeting(float(depth[i]), 0, 0.0, explained, points[i], k, outward)
+                best = Meeting(float(depth[i]), 0, 0.0, explained, points[i], k)
     lonely = primary.depth(nodes[~paired]) > max(sum(chords), noise)
     opening = float(np.max(true[closed], initial=0.0))
     return replace(best, unseen=int(lonely.sum()), opening=opening)

@@ -20,8 +20,8 @@ from functools import cached_property
 
 import numpy as np
 
-from skfem_contact.answers.thresholds import A_TENTH, ALONE, OVERLAP, SAGITTA
-from skfem_contact.answers.validity.chords import bends, drawn_off, kinked_faces
+from skfem_contact.answers.thresholds import A_TENTH, OVERLAP, SAGITTA
+from skfem_contact.answers.validity.chords import bends, drawn_off, kinked_edges
 from skfem_contact.answers.validity.deformed_boundaries import (
     Boundary,
     BoundaryNodes,
@@ -184,8 +184,7 @@ class Overlaps:
     ) -> bool:
         """Whether points of one side of a contact lie in the other body, deeper than their bound.
 
-        The bounds are those of `ContactValidity.excess`, with what is known of the approach: the lower
-        one where steps look seldom, the other one where they look always.
+        The bound is that of `ContactValidity.excess`, with what is known of the approach.
         """
         side, chords = sides_of(self.contacts[i])[k], self.chords[i]
         # what supports hold in the other body is warned of as that
@@ -196,7 +195,7 @@ class Overlaps:
             (nodes[k][free], chords[1 - k]),
             (between.reshape(-1, side.dim), sum(chords)),
         ):
-            bound = max(explained + (ALONE if i in self.near else OVERLAP) * approach, noise)
+            bound = max(explained + OVERLAP * approach, noise)
             points, depth = other.inner(points, bound + float(np.min(added, initial=0.0)))
             if len(points) and added.any():
                 depth = depth - added[Tree(nodes[0]).nearest(points)]
@@ -397,7 +396,7 @@ def leaning_faces(secondary: ContactSurface, outline: ContactSurface) -> Mask:
     size = LARGER * float(np.median(secondary.lengths))
     corners = outline.facet_node_normals[:, : outline.kind.corners]
     off = np.linalg.norm(corners - outline.facet_normals[:, None], axis=2).max(axis=1)
-    return kinked_faces(outline) & (off > A_TENTH) & (outline.lengths > size)
+    return kinked_edges(outline).any(axis=1) & (off > A_TENTH) & (outline.lengths > size)
 
 
 def leaning_words(geometry: Geometry, i: int, state: State, case: LoadCase, u: Array) -> str:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import SUPPORTED
+from skfem_contact.answers.validity.deformed_boundaries import BoundaryNodes
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.member import Member, Meshed
+from skfem_contact.bodies.member import Member, unit_motions
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.digits import SOLVED
@@ -97,28 +96,20 @@ class Support:
 
     def at(self, points: Array, motion: Array) -> Array:
         """Displacements of points (m, d) by a motion, shape (m, d)."""
-        return np.asarray(unit_motions(points, self.centre, self.arm) @ motion)
+        return np.asarray(self.unit_at(points) @ motion)
+
+    def unit_at(self, points: Array) -> Array:
+        """Displacements of points (m, d) by all motions, shape (m, d, r)."""
+        return unit_motions(points, self.centre, self.arm)
 
     def along(self, points: Array, direction: Array) -> Array:
         """How far motions move points (m, d) along their directions (m, d): rows, shape (m, r)."""
-        motions = unit_motions(points, self.centre, self.arm)
-        return np.asarray(np.einsum("md,mdk->mk", direction, motions))
+        return np.asarray(np.einsum("md,mdk->mk", direction, self.unit_at(points)))
 
     def holds(self, points: Array, direction: Array) -> bool:
         """Return whether no open motion moves points along their directions, both (m, d)."""
         moved = self.along(points, direction) @ self.free
         return bool(np.max(np.abs(moved), initial=0.0) < SUPPORTED)
-
-
-def supports_of(system: System) -> list[Support]:
-    """The support of every body, by its prescribed DOFs."""
-    bodies = zip(system.bodies, system.offsets[:-1], strict=True)
-    return [Support.of(body, int(start), arm=system.extent) for body, start in bodies]
-
-
-def motions_of(supports: Sequence[Support], x: Array) -> list[Array]:
-    """The motion of each of several bodies under prescribed values x (n,), (r,) each."""
-    return [support.motion(x) for support in supports]
 
 
 def off_rigid(supports: Mapping[str, Support], u: Array) -> dict[str, float]:
@@ -130,28 +121,6 @@ def off_rigid(supports: Mapping[str, Support], u: Array) -> dict[str, float]:
     return {name: float(size) / supports[name].arm for name, size in off.items()}
 
 
-def unit_motions(points: Array, centre: Array, arm: float) -> Array:
-    """Displacements (m, d, r) of points by translations and turns, of order one."""
-    d, away = points.shape[1], (points - centre) / arm
-    planes = [(0, 1)] if d == 2 else [(1, 2), (2, 0), (0, 1)]
-    modes = np.zeros((len(points), d, d + len(planes)))
-    modes[:, :, :d] = np.eye(d)
-    for turn, (i, j) in enumerate(planes, start=d):
-        modes[:, i, turn], modes[:, j, turn] = -away[:, j], away[:, i]
-    return modes
-
-
-class NodesOfBody(Protocol):
-    """Nodes of a body, such as those of a surface: their places and DOFs, (m, d) each."""
-
-    @property
-    def body(self) -> Meshed: ...
-    @property
-    def points(self) -> Array: ...
-    @property
-    def dofs(self) -> NDArray[Any]: ...
-
-
 class Extrapolation:
     """Displacements of nodes that are not known without the interior of their body.
 
@@ -160,7 +129,7 @@ class Extrapolation:
     Parameters
     ----------
     system : System
-    side : NodesOfBody
+    side : BoundaryNodes
     there : ndarray of bool, shape (n,)
         DOFs of the system whose displacements are known.
 
@@ -170,7 +139,7 @@ class Extrapolation:
         The numbers of those that are not known.
     """
 
-    def __init__(self, system: System, side: NodesOfBody, there: Mask) -> None:
+    def __init__(self, system: System, side: BoundaryNodes, there: Mask) -> None:
         self.side, self.part = side, system.slice(side.body)
         known = np.flatnonzero(there[self.part])
         is_known = np.isin(side.dofs, known).all(axis=1)
@@ -196,11 +165,6 @@ class Extrapolation:
         part = part.copy()
         part[dofs[self.nodes]] = moved
         return part
-
-
-def moving(supports: Sequence[Support], points: Array) -> list[Array]:
-    """How far motions of each body move points (m, d), (m, d, r) each."""
-    return [unit_motions(points, support.centre, support.arm) for support in supports]
 
 
 def beyond_round_off(approach: float, extent: float) -> float:

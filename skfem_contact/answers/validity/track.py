@@ -13,16 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from skfem_contact.answers.validity.chords import sagittas
+from skfem_contact.answers.validity.chords import curvatures, sagittas
 from skfem_contact.answers.validity.deformed_boundaries import distances
-from skfem_contact.arrays import Array, Mask, largest, off_segments
-from skfem_contact.bodies.normals import angle_between
+from skfem_contact.arrays import Array, Mask, angle_between, largest, off_segments
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.conditions.rows import as_motion
-from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
+from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import shape_of
 from skfem_contact.pairing.node import Pairing
@@ -429,35 +428,3 @@ class Rim:
         nearest = distance <= distance.min(axis=1, keepdims=True) * (1 + SOLVED)
         out = np.sum(out, axis=1, where=nearest)
         return np.where(out > 0, 1.0, -1.0) * distance.min(axis=1)
-
-
-def curvatures(surface: ContactSurface) -> Array:
-    """Return how normals change along each facet, by those at its corners, (nf, d, d) [1/length].
-
-    Normals are averaged with the neighbours', except over corners.
-
-    >>> import numpy as np
-    >>> import skfem as fem
-    >>> from skfem_contact.bodies.body import Body
-    >>> mesh = fem.MeshHex.init_tensor(*3 * [np.linspace(0, 1, 4)]).with_defaults()
-    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
-    >>> cube = Body(basis, np.eye(basis.N)).surface("top")
-    >>> bool(curvatures(cube).any())
-    False
-    """
-    c, d = surface.kind.corners, surface.dim
-    x = surface.points[surface.facets[:, :c]]
-    n = surface.facet_node_normals[:, :c]
-    if d == 2:
-        turn = np.linalg.norm(n[:, 1] - n[:, 0], axis=1) / surface.lengths
-        return turn[:, None, None] * np.eye(2)
-    if np.max(np.abs(n - surface.facet_normals[:, None])) < COMPUTED**0.5:
-        return np.zeros((len(x), d, d))
-    x, n = x - x.mean(axis=1, keepdims=True), n - n.mean(axis=1, keepdims=True)
-    square = np.einsum("fkd,fke->fde", x, x)
-    change = np.einsum("fkd,fke->fde", n, x)
-    K = change @ np.linalg.pinv(square, rcond=GIVEN, hermitian=True)
-    across = surface.facet_normals
-    plane = np.eye(d) - across[:, :, None] * across[:, None, :]
-    K = plane @ K @ plane
-    return np.asarray(0.5 * (K + np.swapaxes(K, 1, 2)))

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import A_TENTH, PRESSED, SUSPECTED
+from skfem_contact.answers.thresholds import A_TENTH, SUSPECTED
 from skfem_contact.answers.validity.assess import Assessment
 from skfem_contact.answers.validity.contact_watch import ContactWatch
 from skfem_contact.answers.validity.overlaps import Overlaps
 from skfem_contact.answers.validity.strain import lockable, may_lock
-from skfem_contact.answers.validity.support import Support, motions_of, off_rigid, supports_of
+from skfem_contact.answers.validity.support import Support, off_rigid
 from skfem_contact.answers.validity.turned import leaning, rigid_rotations, surface_turns, turned
 from skfem_contact.answers.validity.validity import Diagnostics, Issued
 from skfem_contact.arrays import Array, Index
@@ -55,7 +55,8 @@ class Watch:
         if not self.moves:  # a scalar field
             return
         self.overlaps = Overlaps(geometry, known)
-        self.supports = supports_of(self.system)
+        bodies = zip(self.system.bodies, self.system.offsets[:-1], strict=True)
+        self.supports = [Support.of(b, int(start), arm=self.system.extent) for b, start in bodies]
         self.watches = [
             ContactWatch(geometry, i, self.supports, diagonals, known)
             for i in range(len(self.contacts))
@@ -160,7 +161,7 @@ class Watch:
         """
         known = self._moved
         if known is None or known[0] is not x:
-            motions = motions_of(self.supports, x)
+            motions = [support.motion(x) for support in self.supports]
             followed = [watch.followed(motions) for watch in self.watches]
             turns = {
                 name: float(m[2] if self.dim == 2 else np.linalg.norm(m[3:])) / self.supports[b].arm
@@ -246,7 +247,7 @@ class Watch:
                 size[name] = max(strain, drift.strain), max(approach, drift.approach)
         for name, (strain, approach) in size.items():
             turn, stretch = abs(known.turns.get(name, 0.0)), known.stretches.get(name, 0.0)
-            strained = strain > PRESSED * A_TENTH or stretch > SUSPECTED * A_TENTH
+            strained = max(strain, stretch) > SUSPECTED * A_TENTH
             beyond = {
                 "strain": strained,
                 "rotation": strained or turn > SUSPECTED * A_TENTH,

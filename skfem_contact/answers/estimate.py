@@ -19,13 +19,13 @@ from that of the continuous problem, in the L2 norm over the contact, from six s
     On curves of straight facets nodal forces act along normals of the curve, pressures along the
     facets'.
 
-The first three and the last are in `surface`. Of a body the gradient of the displacement, which jumps
-from element to element, is compared with its averages at the nodes, interpolated: O. C. Zienkiewicz and
-J. Z. Zhu, A simple error estimator and adaptive procedure for practical engineering analysis, Int. J.
-Numer. Methods Eng. 24 (1987) 337-357. The difference is measured by the energy of the body's own
-bilinear form. Relative to the energy of the displacement it is the relative error of a compliance.
-Elements within half a contact width of the contact count in full; farther ones less, by the square of
-the distance: what they do wrong reaches the contact as a field that varies little over it.
+The first three and the last are in `surface_error`. Of a body the gradient of the displacement, which
+jumps from element to element, is compared with its averages at the nodes, interpolated: O. C.
+Zienkiewicz and J. Z. Zhu, A simple error estimator and adaptive procedure for practical engineering
+analysis, Int. J. Numer. Methods Eng. 24 (1987) 337-357. The difference is measured by the energy of the
+body's own bilinear form. Relative to the energy of the displacement it is the relative error of a
+compliance. Elements within half a contact width of the contact count in full; farther ones less, by the
+square of the distance: what they do wrong reaches the contact as a field that varies little over it.
 
 An answer is not rated, and its total NaN, where one of them is not known: `chords` of second-order
 faces that stand straight for a curve, `scatter` where all points are near ends of the surface; and
@@ -45,8 +45,8 @@ from scipy.sparse.csgraph import connected_components
 from skfem.element import DiscreteField
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.error.surface import Net, SurfaceError, chords_error, net_of
-from skfem_contact.answers.thresholds import FARTHEST, LOCKED
+from skfem_contact.answers.surface_error import Net, SurfaceError, chords_error, net_of
+from skfem_contact.answers.thresholds import A_TENTH, LOCKED
 from skfem_contact.answers.validity.strain import lockable, locked
 from skfem_contact.answers.values import ContactValues, Elements, ErrorEstimate, ErrorSources
 from skfem_contact.arrays import Array, Index, Mask
@@ -273,8 +273,9 @@ def _near(body: Body, touched: Array) -> Elements:
     radius = np.linalg.norm(corners - middle[:, None], axis=0).max(axis=0)
     reach = np.maximum(0.5 * np.linalg.norm(np.ptp(touched, axis=0)), 2.0 * radius)
     distance = Tree(touched).distances(middle.T)
-    near = np.flatnonzero(distance <= FARTHEST * reach)
-    return near, np.minimum(1.0, reach[near] / np.maximum(distance[near], reach[near])) ** 2
+    weight = np.minimum(1.0, reach / np.maximum(distance, reach)) ** 2
+    near = np.flatnonzero(weight >= A_TENTH**2)  # others count for less than a percent
+    return near, weight[near]
 
 
 def stiffness_error(result: Answer, contact: Contact, values: ContactValues, traction: Array) -> float:

@@ -54,13 +54,13 @@ from skfem_contact.answers.fields import (
     simplex_areas,
     with_centres,
 )
-from skfem_contact.answers.thresholds import SEGMENTS_NEAR, SHARPER
+from skfem_contact.answers.thresholds import SHARPER
+from skfem_contact.answers.validity.deformed_boundaries import Boundary
 from skfem_contact.answers.values import ContactValues, Three, relative
-from skfem_contact.arrays import Array, Index, Mask, off_segments
+from skfem_contact.arrays import Array, Index, Mask, tangents
 from skfem_contact.bodies.facet_kinds import kind_of
 from skfem_contact.bodies.facets import tributary_areas, twin_edges
 from skfem_contact.bodies.normal_field import sizes_and_normals
-from skfem_contact.bodies.normals import tangents
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import SOLVED
@@ -161,6 +161,8 @@ class Edge:
     ) -> None:
         self.surface, self.facets, self.behind = surface, facets, behind
         self.corners, d, pieces = surface.kind.simplices, surface.dim, found.segments
+        # points of the plane as pieces, and segments of space as triangles, without size
+        edge = Boundary(pieces[:, [0, *range(d - 1)]], pieces[:, 0])
         x = with_centres(surface, surface.points)[:, self.corners]
         area = simplex_areas(surface, x.reshape(-1, d, d))
         self.area = area.reshape(len(surface.facets), -1)[facets]
@@ -172,10 +174,10 @@ class Edge:
         inside = (np.einsum("qa,fta->ftq", self.N, h) < 0).ravel()
         places = np.einsum("qa,ftad->ftqd", self.N, x[facets])
         self.shape, places = places.shape[:3], places.reshape(-1, d)
-        self.depth = _distance(pieces, surface.points[behind])
+        self.depth = edge.distance(surface.points[behind])
         self.near = Tree(surface.points[behind]).query(places)[1]
         self.root = np.zeros((len(places), 1))
-        self.root[inside, 0] = np.sqrt(_distance(pieces, places[inside]))
+        self.root[inside, 0] = np.sqrt(edge.distance(places[inside]))
         self.mine = rim[surface.facets[facets]]
 
     def misfit(self, traction: Array) -> Array:
@@ -194,14 +196,6 @@ class Edge:
         part = np.where(self.mine, (square / self.mine.sum(axis=1))[:, None], 0.0)
         np.add.at(out, self.surface.facets[self.facets], part)
         return out
-
-
-def _distance(pieces: Array, points: Array) -> Array:
-    """Distances of points (p, d) from the nearest of some pieces (s, 2, d), (p,)."""
-    few = min(SEGMENTS_NEAR, len(pieces))
-    near = Tree(pieces.mean(axis=1)).query(points, k=few)[1].reshape(len(points), few)
-    start, along = pieces[near, 0], pieces[near, -1] - pieces[near, 0]
-    return np.asarray(np.linalg.norm(off_segments(points[:, None], start, along), axis=2).min(axis=1))
 
 
 def cut(surface: ContactSurface) -> ContactSurface:
