@@ -184,7 +184,8 @@ class Overlaps:
     ) -> bool:
         """Whether points of one side of a contact lie in the other body, deeper than their bound.
 
-        The bound is that of `ContactValidity.excess`, with what is known of the approach.
+        The bound is that of `ContactValidity.excess`, with what is known of the approach; a lower one
+        where small sliding of solids is looked at, seldom and by what is known of the displacements.
         """
         side, chords = sides_of(self.contacts[i])[k], self.chords[i]
         # what supports hold in the other body is warned of as that
@@ -195,7 +196,7 @@ class Overlaps:
             (nodes[k][free], chords[1 - k]),
             (between.reshape(-1, side.dim), sum(chords)),
         ):
-            bound = max(explained + OVERLAP * approach, noise)
+            bound = max(explained + (A_TENTH if i in self.near else OVERLAP) * approach, noise)
             points, depth = other.inner(points, bound + float(np.min(added, initial=0.0)))
             if len(points) and added.any():
                 depth = depth - added[Tree(nodes[0]).nearest(points)]
