@@ -66,7 +66,7 @@ SAGITTA = 0.2
 # approach over extent are .8 times the strain where the energy is, or more, and .9 of the turn of a
 # cantilever; what supports and surfaces are off a rigid motion is .3 of the turn of a beam that is bent
 # on three points.
-SUSPECTED = 0.25
+PRESSED, SUSPECTED = 0.5, 0.25
 
 # -- validity.deformed_boundaries -----------------------------------------
 

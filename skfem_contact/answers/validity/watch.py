@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import A_TENTH, SUSPECTED
+from skfem_contact.answers.thresholds import A_TENTH, PRESSED, SUSPECTED
 from skfem_contact.answers.validity.assess import Assessment
 from skfem_contact.answers.validity.contact_watch import ContactWatch
 from skfem_contact.answers.validity.overlaps import Overlaps
@@ -247,7 +247,7 @@ class Watch:
                 size[name] = max(strain, drift.strain), max(approach, drift.approach)
         for name, (strain, approach) in size.items():
             turn, stretch = abs(known.turns.get(name, 0.0)), known.stretches.get(name, 0.0)
-            strained = max(strain, stretch) > SUSPECTED * A_TENTH
+            strained = max(strain / PRESSED, stretch / SUSPECTED) > A_TENTH
             beyond = {
                 "strain": strained,
                 "rotation": strained or turn > SUSPECTED * A_TENTH,
