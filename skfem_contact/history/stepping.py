@@ -112,7 +112,7 @@ class Bisection:
         """Take a smaller part: half of it, or as much as lets no point slide too far."""
         shorter = SHORTER
         if travel > 1.0:  # no fault of the step's but its size: measured, not tried
-            shorter = 1.0 / np.ceil(travel / AIM)  # equal parts, as few as may be
+            shorter = AIM / travel
             self.smallest *= shorter
         self.share *= shorter
         self.fails += 1

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from skfem_contact.arrays import Array
 from skfem_contact.digits import GIVEN
@@ -84,25 +85,32 @@ def _cycle(
     """The correction that leaves least of a residual, from a Krylov space of some directions."""
     size = float(np.linalg.norm(r))
     V, Z = np.empty((most + 1, len(r))), np.empty((most, len(r)))  # the system gives what is written to
-    H, b = np.zeros((most + 1, most)), np.append(size, np.zeros(most))
-    V[0], weights = r / size, np.zeros(0)
+    H = np.zeros((most + 1, most))
+    left = np.append(size, np.zeros(most))  # the residual in the coordinates of the rotated space
+    V[0], count = r / size, 0
+    turns: list[tuple[float, float]] = []
     for k in range(most):
         Z[k] = precondition(V[k])  # kept, as what they add up to would cost one more
         w = product(Z[k])
-        long = float(np.linalg.norm(w))
         for _ in range(2):  # in one go as much as their round-off is left of them
             along = V[: k + 1] @ w
             w -= along @ V[: k + 1]
             H[: k + 1, k] += along
-        H[k + 1, k] = beyond = float(np.linalg.norm(w))
-        if not 0.0 < long < np.inf:  # a singular matrix: nothing more to gain
+        beyond = float(np.linalg.norm(w))
+        for i, (c, s) in enumerate(turns):
+            H[i, k], H[i + 1, k] = c * H[i, k] + s * H[i + 1, k], c * H[i + 1, k] - s * H[i, k]
+        length = float(np.hypot(H[k, k], beyond))
+        if not 0.0 < length < np.inf:  # a singular matrix: nothing more to gain
             break
-        weights = np.linalg.lstsq(H[: k + 2, : k + 1], b[: k + 2], rcond=None)[0]
-        left = np.linalg.norm(b[: k + 2] - H[: k + 2, : k + 1] @ weights)
-        if left <= tolerance or beyond <= np.finfo(float).eps * long:
+        c, s = H[k, k] / length, beyond / length
+        turns.append((c, s))
+        H[k, k], count = length, k + 1
+        left[k], left[k + 1] = c * left[k], -s * left[k]
+        if abs(left[k + 1]) <= tolerance or beyond <= np.finfo(float).eps * length:
             break
         V[k + 1] = w / beyond
-    return weights @ Z[: len(weights)], k + 1
+    weights = solve_triangular(H[:count, :count], left[:count]) if count else np.zeros(0)
+    return weights @ Z[:count], count
 
 
 class Anderson:
