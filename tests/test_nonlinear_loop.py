@@ -471,7 +471,7 @@ def test_a_pair_that_is_turned_as_a_whole(angle: float) -> None:
 def test_a_corner_that_two_faces_take_in_turn_is_passed() -> None:
     """A square die that is pushed along without friction: the rubber beside it rises over its corner.
 
-    Forces are in equilibrium on each of two pairings and lead to the other one, until one of them stays.
+    Forces are in equilibrium on each of two pairings and lead to the other, until one stays.
     """
     slab = sc.NonlinearBody(
         rectangle(-2, 2, -2, 0, 16, 8), sc.materials.NeoHooke.of(1.0, 0.3), D="bottom"

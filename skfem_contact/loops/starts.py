@@ -218,6 +218,7 @@ def admissible(guess: Guess, step: Step) -> Guess:
     return Guess(status, direction, *forces, guess.slip, guess.pivoted, guess.reach, near=guess.near)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # forces that grow without end are given up
 def proximal(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Outcome | None]:
     """Starting values from a chain of easier problems, and how the last of them ended.
 

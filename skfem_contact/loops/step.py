@@ -407,8 +407,7 @@ class Projection:
     def left(self) -> float:
         """Size of what is left over at all points together [force]."""
         normal, tangential = self.left_over
-        with np.errstate(over="ignore"):  # along a motion that nearly nothing resists: not less
-            return float(np.sqrt(np.sum(normal**2) + np.sum(tangential**2)))
+        return float(np.sqrt(np.sum(normal**2) + np.sum(tangential**2)))
 
     def violations(self, current: Guess, tolerance: float) -> tuple[Mask, float]:
         """Points that violate the projection, and the largest violation over the largest force.
