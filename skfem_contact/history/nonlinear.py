@@ -49,7 +49,7 @@ from skfem_contact.history.equilibrium import (
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.refined import ROUGH, UNSOLVED, holds, refined, remarks, usable
 from skfem_contact.history.stepper import NOISE, Stepper
-from skfem_contact.history.stepping import FAR, LONGER, SHORTER, Bisection, settled, travelled
+from skfem_contact.history.stepping import AIM, FAR, LONGER, SHORTER, Bisection, settled, travelled
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.step import DECREASE, HALVINGS
 from skfem_contact.problem.seam import Workspace
@@ -172,7 +172,8 @@ class NonlinearSearch:
                 if parts.spent or (none.attempt is not None and none.attempt.stopped):
                     return self._refused(none, parts.done)
                 way.cuts += 1
-                parts.cut(travel)
+                # what slides too far in equal parts, as few as may be
+                parts.cut(AIM * np.ceil(travel / AIM) if travel > 1.0 else travel)
                 if travel > 1.0 and self._reached is not None:  # too far, but on the way
                     trend = sealed((self._reached.u - self.placed.u) / part.share)
                     self.placed = replace(self.placed, trend=trend)
@@ -191,7 +192,7 @@ class NonlinearSearch:
         options, base = self.stepper.options, self.stepper.model
         now, on, own = self._forecast(part), None, None
         step, secant = replace(part, pairing=self._pairing(part, now.placed.u)), Anderson()
-        exact, closing, shift, left = True, False, 0.0, np.inf
+        exact, closing, shift, left, most = True, False, 0.0, np.inf, 0.0
         for number in range(1, options.max_placements + 1):
             try:
                 attempt, u = self._solve(step, now.placed.stiffened(base.stiffness, shift), exact)
@@ -204,6 +205,7 @@ class NonlinearSearch:
                 continue
             nearer, left = there.share == 1.0 and there.norm < left, there.norm
             now, u, shift = there, there.placed.u, min(shift, SHIFTS[0])
+            most = max(most, now.norm)
             contact, on = len(attempt.outcome.trace), step.pairing
             self.newton.append(Iteration(number, aim, now.most / now.scale, now.share, contact))
             logger.debug("%s", self.newton[-1])
@@ -217,8 +219,9 @@ class NonlinearSearch:
             # a pairing that has settled stays, and Newton's method is quick again; so does one on which
             # bodies have yet to come nearer: nothing bounds what is left where both change
             if own is not None and attempt.failure and (nearer or balanced):
-                # residuals on two pairings are two things: no smaller one is asked for
-                now = now._replace(norm=np.inf)
+                # residuals on two pairings are two things: no smaller one is asked for, but none that
+                # is larger than all before: without this a ball deep in a block ran away
+                now = now._replace(norm=most)
                 step = self._next(step, u, own, secant)
             closing = closing or balanced  # contact alone is left, and is solved to its end from now on
             exact, step = closing, replace(step, known=attempt.state)
