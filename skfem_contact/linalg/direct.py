@@ -242,7 +242,7 @@ class IndefiniteFactor(BodyFactor):
         inside = len(self.order) - len(self.keep)
         out = np.empty_like(f)
         out[:inside] = self._factor.solve(f[:inside])
-        out[inside:] = f[inside:] - self._from_kept.T @ out[:inside]
+        out[inside:] = f[inside:] - self._follow.T @ f[:inside]
         return out
 
     def substitute(self, u_keep: np.ndarray, eliminated: np.ndarray) -> np.ndarray:
