@@ -70,9 +70,10 @@ class Hyperelastic(Split):
         for c, a, invariant in self._terms():
             value, slope, bend = invariant(C, d)
             scale = c * J**a
-            S += scale * (slope + a * value * inverse)
+            S += scale * slope
             D += scale * bend
             if a:  # the derivative of J^a is a J^a C^-1
+                S += scale * a * value * inverse
                 g = inverse[:d, :d]
                 mixed = np.einsum("ij...,kl...->ijkl...", slope[:d, :d], g)
                 D += scale * a * (mixed + mixed.transpose(2, 3, 0, 1, 4, 5))

@@ -103,8 +103,9 @@ def first_piola(F: Array, S: Array, D: Array) -> tuple[Array, Array]:
     """
     d = len(D)
     f = F[:d, :d]
-    A = np.einsum("im...,mjnl...,kn...->ijkl...", f, D, f, optimize=True)
-    A += np.einsum("ik,jl...->ijkl...", np.eye(d), S[:d, :d])
+    A = np.einsum("ik,jl...->ijkl...", np.eye(d), S[:d, :d])
+    if D.any():  # not so of neo-Hooke's law
+        A += np.einsum("im...,mjnl...,kn...->ijkl...", f, D, f, optimize=True)
     return np.einsum("im...,mj...->ij...", F, S), A
 
 
