@@ -4,8 +4,8 @@
   nodes of facets, and pieces of a mesh; tractions and displacements by the names of boundaries;
 * `assembly`: stiffness and moduli from a form; `quadrature`: points of integration, gradients;
 * `member`: what is asked of a body, and its rigid modes; `body`, `system`: one, and several under one
-  numbering; `nonlinear`: bodies that yield or stretch, `equations` (with `gradients`): their
-  equations; a stiffness that is held elsewhere, by a backend;
+  numbering; `nonlinear`: bodies that yield or stretch, `equations`: their equations; a
+  stiffness that is held elsewhere, by a backend;
 * `surface`: a boundary as contact sees it, of a body or of none;
 * `facet_kinds`: the shape functions of facets; `facets`: their areas, their corners, and what lies
   across edges;

@@ -21,7 +21,7 @@ from skfem.assembly import BilinearForm, CellBasis
 from skfem_contact.arguments import check_name, known_keywords, with_known_keywords
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.assembly import Moduli, mean_moduli, moduli
-from skfem_contact.bodies.gradients import Gradients
+from skfem_contact.bodies.equations import Gradients
 from skfem_contact.bodies.inputs import (
     CONDENSED,
     Dofs,

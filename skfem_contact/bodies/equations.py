@@ -9,6 +9,14 @@ change of volume J takes its mean over the element, with initial volume V:
 so that ``P = P_iso + U'(Jm) ∂J/∂F``, and the tangent has besides the usual terms that of the mean,
 ``U''(Jm)/V g g'`` with ``g = ∫ ∂J/∂F : ∂F/∂u``. With small strains J is ``1 + tr H``: this is B-bar.
 
+Displacement gradients are sums over the scalar shape functions N_a with ``G_aj = ∂_j N_a``,
+
+    ``H_ij = u_ai G_aj``,    ``f_ai = ∫ G_aj P_ij``,    ``K_(ai)(bk) = ∫ G_aj A_ijkl G_bl``.
+
+An axisymmetric body has the third direction j = 2, with ``G_a2 = N_a / r``, for the radial component
+alone: ``H_22 = u_r / r``. Elements are the last axis of arrays there, so that each product is one of
+long vectors: forms that are called for every two shape functions take twice as long.
+
 Forms are scikit-fem's own, or differentiated by JAX. The displacements at points of integration are
 ``w["u"]`` there, as in scikit-fem's examples, and internal variables at the beginning of the step
 ``w["prev"]``, by name: ``w["prev"].hardening``.
@@ -18,23 +26,127 @@ from __future__ import annotations
 
 from collections import namedtuple
 from collections.abc import Callable, Mapping
+from functools import cached_property
+from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm, LinearForm
 from skfem.assembly.form.form import FormExtraParams
 
 from skfem_contact.arguments import shown
 from skfem_contact.arrays import Array, runs
-from skfem_contact.bodies.gradients import Gradients
+from skfem_contact.bodies.assembly import NeedsMore, check_numbering, pattern
 from skfem_contact.bodies.inputs import stiffness_of
 from skfem_contact.bodies.member import Linearized, State
+from skfem_contact.bodies.quadrature import point_volumes, scalar_element, shape_gradients
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.materials.material import everywhere
 from skfem_contact.materials.tensors import deformation, dilatation, solid
 from skfem_contact.sealed import sealed_matrix
+
+
+class Gradients:
+    """Gradients on a basis of displacements.
+
+    Parameters
+    ----------
+    basis : skfem.CellBasis
+    measure : callable or None
+        Weight of the area by position.
+    axisymmetric : bool
+
+    Attributes
+    ----------
+    G : ndarray, shape (k, j, q, e)
+        Gradients of the shape functions [1/length].
+    dx : ndarray, shape (e, q)
+        Weights of the points of integration, with the measure.
+    """
+
+    def __init__(self, basis: Any, measure: Any, axisymmetric: bool, whose: str) -> None:
+        try:
+            check_numbering(basis)
+        except NeedsMore as error:
+            raise InputError(f"the basis of {whose}: {error}; take skfem.Basis") from error
+        self.basis, self.axisymmetric = basis, axisymmetric
+        self.d = int(basis.mesh.dim())
+        G = shape_gradients(basis, None).transpose(2, 1, 3, 0)
+        self.dx = point_volumes(basis, None)
+        if measure is not None or axisymmetric:
+            x = np.asarray(basis.mapping.F(basis.X, None))
+        if measure is not None:
+            self.dx = self.dx * measure(x)
+        if axisymmetric:
+            element = scalar_element(basis.elem)
+            N = np.stack([element.lbasis(basis.X, a)[0] for a in range(len(G))])  # (k, q)
+            G = np.concatenate([G, (N[:, :, None] / x[0].T)[:, None]], axis=1)
+        self.G = np.ascontiguousarray(G)
+
+    def of(self, u: Array) -> Array:
+        """Displacement gradient (d, d, e, q) of displacements (n,); of three rows if axisymmetric."""
+        values = u[self.basis.element_dofs].reshape(len(self.G), self.d, -1)
+        H = np.einsum("aie,ajqe->ijqe", values, self.G).swapaxes(2, 3)
+        if not self.axisymmetric:
+            return np.ascontiguousarray(H)
+        out = solid(np.ascontiguousarray(H[:, :2]))
+        out[2, 2] = H[0, 2]
+        return out
+
+    def _slots(self, i: int) -> list[tuple[int, int, int]]:
+        """Directions j of G that the component i has, and the entry of a tensor for each."""
+        plain = [(j, i, j) for j in range(self.d)]
+        return [*plain, (2, 2, 2)] if self.axisymmetric and i == 0 else plain
+
+    def forces(self, P: Array, some: slice = slice(None)) -> Array:
+        """``∫ G_aj P_ij`` of a stress (d, d, e, q) on some elements, shape (k d, e)."""
+        G, dx = self.G[..., some], self.dx[some]
+        out = np.zeros((len(G), self.d, len(dx)))
+        for i in range(self.d):
+            for j, row, column in self._slots(i):
+                weighted = np.ascontiguousarray((P[row, column] * dx).T)
+                out[:, i] += np.einsum("aqe,qe->ae", G[:, j], weighted)
+        return out.reshape(-1, len(dx))
+
+    def stiffness(self, A: Array, some: slice = slice(None)) -> Array:
+        """``∫ G_aj A_ijkl G_bl`` of a tangent (d, d, d, d, e, q), symmetric, shape (k d, k d, e)."""
+        G, dx = self.G[..., some], self.dx[some]
+        n, d = len(G), self.d
+        K = np.empty((n, d, n, d, len(dx)))
+        for i, k in combinations_with_replacement(range(d), 2):
+            block = np.zeros((n, n, len(dx)))
+            for j, r, s in self._slots(i):
+                along = np.zeros((n, *G.shape[2:]))  # A_ijkl G_bl
+                for l, t, v in self._slots(k):
+                    along += np.ascontiguousarray((A[r, s, t, v] * dx).T) * G[:, l]
+                block += np.einsum("aqe,bqe->abe", G[:, j], along)
+            other = block.swapaxes(0, 1)
+            if i == k:  # symmetric, to the last digit
+                block = 0.5 * (block + other)
+                other = block
+            K[:, i, :, k], K[:, k, :, i] = block, other
+        return K.reshape(n * d, n * d, len(dx))
+
+    @cached_property
+    def _pattern(self) -> tuple[Any, Any, Any]:
+        starts, columns, place = pattern(self.basis.element_dofs, self.basis.N)
+        return starts, columns, np.ascontiguousarray(place.transpose(1, 2, 0)).ravel()
+
+    def summed(self, K: Array) -> csr_matrix:
+        """The matrix (n, n) of all element matrices (k d, k d, e)."""
+        starts, columns, place = self._pattern
+        data = np.bincount(place, K.ravel(), minlength=len(columns))
+        out = csr_matrix((data, columns, starts), shape=(self.basis.N,) * 2)
+        out.has_canonical_format = True
+        return out
+
+    def scattered(self, f: Array) -> Array:
+        """The vector (n,) of all element vectors (k d, e)."""
+        dofs = self.basis.element_dofs.ravel()
+        return np.asarray(np.bincount(dofs, f.ravel(), minlength=self.basis.N), dtype=float)
 
 
 class Continuum:
@@ -53,13 +165,13 @@ class Continuum:
     def __init__(self, material: Any, gradients: Gradients, mean_dilatation: bool, whose: str) -> None:
         self.material, self.gradients, self.whose = material, gradients, whose
         self.mean_dilatation, self.finite_strain = mean_dilatation, material.finite_strain
-        self.initial_state = material.initial_state(gradients.elements, gradients.points)
+        self.initial_state = material.initial_state(*gradients.dx.shape)
 
     def linearize(self, u: Array, state: State) -> Linearized:
         """Stiffness, internal forces and internal variables."""
         on = self.gradients
-        H, size = on.of(u), on.G.shape[0] * on.d
-        K, f = np.empty((size, size, on.elements)), np.empty((size, on.elements))
+        H, size, elements = on.of(u), len(on.G) * on.d, len(on.dx)
+        K, f = np.empty((size, size, elements)), np.empty((size, elements))
         new = {name: np.empty_like(value) for name, value in state.items()}
         for some in self._parts():
             P, A, after, slope, stiff = self._response(H[:, :, some], state, some)
@@ -95,8 +207,8 @@ class Continuum:
     def _parts(self) -> list[slice]:
         """Elements that are looked at together: tangents fill the memory."""
         k, d = self.gradients.G.shape[:2]
-        each = 8 * (self.gradients.points * d**3 * (8 * d + k) + 2 * (k * d) ** 2)
-        return runs(self.gradients.elements, each)
+        elements, points = self.gradients.dx.shape
+        return runs(elements, 8 * (points * d**3 * (8 * d + k) + 2 * (k * d) ** 2))
 
     def _response(self, H: Array, state: State, some: slice) -> tuple[Any, ...]:
         """Ask the material, with means of the change of volume if wanted, see `Split.averaged`."""

@@ -15,8 +15,7 @@ from skfem.assembly import BilinearForm, CellBasis, LinearForm
 from skfem_contact.arguments import check_switch, numbers, shown, with_known_keywords
 from skfem_contact.arrays import Array, check_finite, check_size, rectangular
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.equations import Continuum, Differentiated, Forms
-from skfem_contact.bodies.gradients import Gradients
+from skfem_contact.bodies.equations import Continuum, Differentiated, Forms, Gradients
 from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points
 from skfem_contact.bodies.member import Linearized, State
 from skfem_contact.bodies.quadrature import LINEAR, scalar_element

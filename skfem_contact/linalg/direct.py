@@ -222,14 +222,13 @@ class IndefiniteFactor(BodyFactor):
         A = sp.csr_matrix(K[interior][:, interior])
         interior = interior[dissection_order(A, points[interior])]
         self.keep, self.order = keep, np.concatenate([interior, keep])
-        self._from_kept = sp.csc_matrix(K[interior][:, keep])
-        A = sp.csc_matrix(K[interior][:, interior])
+        A, from_kept = sp.csc_matrix(K[interior][:, interior]), K[interior][:, keep].toarray()
         try:
             self._factor = splu(A, permc_spec="NATURAL", options={"SymmetricMode": True})
         except RuntimeError as error:  # "Factor is exactly singular"
             raise SingularMatrix(str(error)) from None
-        self._follow = self._factor.solve(self._from_kept.toarray())
-        S = K[keep][:, keep].toarray() - self._from_kept.T @ self._follow
+        self._follow = self._factor.solve(from_kept)
+        S = K[keep][:, keep].toarray() - from_kept.T @ self._follow
         self.S = 0.5 * (S + S.T)
 
     @property
@@ -243,7 +242,7 @@ class IndefiniteFactor(BodyFactor):
         inside = len(self.order) - len(self.keep)
         out = np.empty_like(f)
         out[:inside] = self._factor.solve(f[:inside])
-        out[inside:] = f[inside:] - self._from_kept.T @ out[:inside]
+        out[inside:] = f[inside:] - self._follow.T @ f[:inside]
         return out
 
     def substitute(self, u_keep: np.ndarray, eliminated: np.ndarray) -> np.ndarray:

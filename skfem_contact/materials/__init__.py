@@ -10,20 +10,10 @@ Arrays have their components first, then elements and points of integration, as 
 All names below are public.
 """
 
-from typing import TYPE_CHECKING
-
-from skfem_contact.entrances import entrances
-
-if TYPE_CHECKING:
-    from skfem_contact.materials.elastic import Elastic as Elastic
-    from skfem_contact.materials.hyperelastic import MooneyRivlin as MooneyRivlin
-    from skfem_contact.materials.hyperelastic import NeoHooke as NeoHooke
-    from skfem_contact.materials.hyperelastic import SaintVenantKirchhoff as SaintVenantKirchhoff
-    from skfem_contact.materials.material import FromFelupe as FromFelupe
-    from skfem_contact.materials.material import FromFunction as FromFunction
-    from skfem_contact.materials.material import Material as Material
-    from skfem_contact.materials.material import Split as Split
-    from skfem_contact.materials.plasticity import J2 as J2
+from skfem_contact.materials.elastic import Elastic
+from skfem_contact.materials.hyperelastic import MooneyRivlin, NeoHooke, SaintVenantKirchhoff
+from skfem_contact.materials.material import FromFelupe, FromFunction, Material, Split
+from skfem_contact.materials.plasticity import J2
 
 __all__ = [
     "J2",
@@ -37,13 +27,6 @@ __all__ = [
     "Split",
 ]
 
-__getattr__, __dir__ = entrances(
-    __name__,
-    __all__,
-    {
-        "elastic": "Elastic",
-        "hyperelastic": "MooneyRivlin NeoHooke SaintVenantKirchhoff",
-        "material": "FromFelupe FromFunction Material Split",
-        "plasticity": "J2",
-    },
-)
+
+def __dir__() -> list[str]:
+    return [*__all__]

@@ -8,8 +8,9 @@ See Holzapfel, Nonlinear Solid Mechanics (2000), chapter 6.
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -18,8 +19,32 @@ from skfem_contact.arrays import Array
 from skfem_contact.errors import InputError
 from skfem_contact.materials.elastic import Elastic
 from skfem_contact.materials.material import Isotropic, Split, State, take_numbers
-from skfem_contact.materials.tensors import deformation, dilatation, double, green, isotropic
+from skfem_contact.materials.tensors import (
+    deformation,
+    dilatation,
+    double,
+    first_piola,
+    green,
+    isotropic,
+    squared,
+    trace,
+    unit,
+)
 from skfem_contact.records import dataclass
+
+Invariant: TypeAlias = Callable[[Array, int], tuple[Array, Any, Any]]
+
+
+def first(C: Array, d: int) -> tuple[Array, Any, Any]:
+    """``I1 = tr C``, its derivative by Green's strain, and d rows of the second."""
+    return trace(C), 2.0 * unit(2), np.zeros((d,) * 4 + (1, 1))
+
+
+def second(C: Array, d: int) -> tuple[Array, Any, Any]:
+    """``I2 = (I1^2 - C : C) / 2``, its derivative by Green's strain, and d rows of the second."""
+    I1 = trace(C)
+    bend = isotropic(8.0 / 3.0, -2.0, d)[..., None, None]
+    return 0.5 * (I1**2 - double(C, C)), 2.0 * (I1 * unit(2) - C), bend
 
 
 class Hyperelastic(Split):
@@ -35,31 +60,33 @@ class Hyperelastic(Split):
             raise InputError(f"{moduli}: both have to be > 0")
 
     @abstractmethod
-    def _terms(self) -> tuple[tuple[float, float, int], ...]:
-        """Terms ``c J^a (I_k - 3)`` of the energy: c, a and the number k of the invariant."""
+    def _terms(self) -> tuple[tuple[float, float, Invariant], ...]:
+        """Terms ``c J^a (I - 3)`` of the energy: c, a and the invariant I."""
 
     def isochoric(self, H: Array, state: State) -> tuple[Array, Array, State]:
         F, J, G = deformation(H)
-        d = len(H)
-        P, A = np.zeros_like(F), np.zeros((d,) * 4 + J.shape)
+        d, C, inverse = len(H), squared(F), squared(G)
+        S, D = np.zeros_like(F), np.zeros((d,) * 4 + J.shape)
         for c, a, invariant in self._terms():
-            value, slope, bend = INVARIANTS[invariant](F, d)
+            value, slope, bend = invariant(C, d)
             scale = c * J**a
-            P += scale * (slope + a * value * G)
-            A += scale * bend
-            if a:
-                g, s = G[:d, :d], slope[:d, :d]
-                mixed = np.einsum("ij...,kl...->ijkl...", s, g)
-                A += scale * a * (mixed + mixed.transpose(2, 3, 0, 1, 4, 5))
+            S += scale * slope
+            D += scale * bend
+            if a:  # the derivative of J^a is a J^a C^-1
+                S += scale * a * value * inverse
+                g = inverse[:d, :d]
+                mixed = np.einsum("ij...,kl...->ijkl...", slope[:d, :d], g)
+                D += scale * a * (mixed + mixed.transpose(2, 3, 0, 1, 4, 5))
                 both = np.einsum("ij...,kl...->ijkl...", g, g)
-                A += scale * a * value * (a * both - both.transpose(0, 3, 2, 1, 4, 5))
-        return P, A, {}
+                turned = both.transpose(0, 2, 1, 3, 4, 5) + both.transpose(0, 2, 3, 1, 4, 5)
+                D += scale * a * value * (a * both - turned)
+        return (*first_piola(F, S, D), {})
 
     def energy(self, H: Array, state: State) -> tuple[Array, Array]:
         F, J, _ = deformation(H)
         stored = self.volumetric(dilatation(H, True)[0])[0]
         for c, a, invariant in self._terms():
-            stored = stored + c * (J**a * INVARIANTS[invariant](F, 0)[0] - 3.0)
+            stored = stored + c * (J**a * invariant(squared(F), 0)[0] - 3.0)
         return stored, np.zeros_like(J)
 
 
@@ -96,8 +123,8 @@ class NeoHooke(PrintedAsCall, Hyperelastic):
         small = Elastic(E, nu)
         return cls(small.shear, small.bulk)
 
-    def _terms(self) -> tuple[tuple[float, float, int], ...]:
-        return ((0.5 * self.shear, 0.0, 1),)
+    def _terms(self) -> tuple[tuple[float, float, Invariant], ...]:
+        return ((0.5 * self.shear, 0.0, first),)
 
     def volumetric(self, growth: Array) -> tuple[Array, Array, Array]:
         mu, lam, log = self.shear, self.bulk - 2.0 / 3.0 * self.shear, np.log1p(growth)
@@ -141,8 +168,8 @@ class MooneyRivlin(PrintedAsCall, Hyperelastic):
         """Shear modulus at small strains [stress]."""
         return 2.0 * (self.C10 + self.C01)
 
-    def _terms(self) -> tuple[tuple[float, float, int], ...]:
-        terms = (self.C10, -2.0 / 3.0, 1), (self.C01, -4.0 / 3.0, 2)
+    def _terms(self) -> tuple[tuple[float, float, Invariant], ...]:
+        terms = (self.C10, -2.0 / 3.0, first), (self.C01, -4.0 / 3.0, second)
         return tuple(term for term in terms if term[0])
 
     def volumetric(self, growth: Array) -> tuple[Array, Array, Array]:
@@ -180,35 +207,8 @@ class SaintVenantKirchhoff(PrintedAsCall, Isotropic):
     finite_strain = True
 
     def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
-        d, F, S = len(H), deformation(H)[0], self.hooke(green(H))
-        f = F[:d, :d]
-        A = np.einsum(
-            "im...,mjnl,kn...->ijkl...", f, isotropic(self.bulk, self.shear, d), f, optimize=True
-        )
-        A += np.einsum("ik,lj...->ijkl...", np.eye(d), S[:d, :d])
-        return np.einsum("im...,mj...->ij...", F, S), A, {}
+        tangent = isotropic(self.bulk, self.shear, len(H))[..., None, None]
+        return (*first_piola(deformation(H)[0], self.hooke(green(H)), tangent), {})
 
     def energy(self, H: Array, state: State) -> tuple[Array, Array]:
         return self.stored(green(H))
-
-
-def _first(F: Array, d: int) -> tuple[Array, Array, Array]:
-    """``I1 = F : F``, its derivative, and d rows of the second."""
-    one = np.eye(d)
-    bend = 2.0 * np.einsum("ik,jl->ijkl", one, one)
-    return double(F, F), 2.0 * F, bend[..., None, None]
-
-
-def _second(F: Array, d: int) -> tuple[Array, Array, Array]:
-    """``I2 = (I1^2 - C : C) / 2``, its derivative, and d rows of the second."""
-    C, B = np.einsum("mi...,mj...->ij...", F, F), np.einsum("im...,jm...->ij...", F, F)
-    I1, f, one = double(F, F), F[:d, :d], np.eye(d)
-    both = np.einsum("ij...,kl...->ijkl...", f, f)
-    bend = 2.0 * both - both.transpose(0, 3, 2, 1, *range(4, both.ndim))
-    bend += np.einsum("ik,jl...->ijkl...", one, I1 * one[:, :, None, None] - C[:d, :d])
-    bend -= np.einsum("ik...,jl->ijkl...", B[:d, :d], one)
-    slope = 2.0 * (I1 * F - np.einsum("im...,mj...->ij...", F, C))
-    return 0.5 * (I1**2 - double(C, C)), slope, 2.0 * bend
-
-
-INVARIANTS: dict[int, Any] = {1: _first, 2: _second}

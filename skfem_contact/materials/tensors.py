@@ -83,8 +83,30 @@ def green(H: Array) -> Array:
 
     Without the 1, of whose round-off strains are far from where a body yields.
     """
-    h = solid(H)
-    return symmetric(h) + 0.5 * np.einsum("mi...,mj...->ij...", h, h)
+    return symmetric(solid(H)) + 0.5 * squared(solid(H))
+
+
+def squared(F: Array) -> Array:
+    """Return ``F'F``."""
+    return np.asarray(np.einsum("mi...,mj...->ij...", F, F))
+
+
+def first_piola(F: Array, S: Array, D: Array) -> tuple[Array, Array]:
+    """Return the first Piola-Kirchhoff stress F S, and its derivative by F.
+
+    Parameters
+    ----------
+    F, S : ndarray, shape (3, 3, e, q)
+        Deformation gradient and second Piola-Kirchhoff stress.
+    D : ndarray, shape (d, d, d, d, e, q) or what broadcasts to it
+        The derivative of S by Green's strain.
+    """
+    d = len(D)
+    f = F[:d, :d]
+    A = np.einsum("ik,jl...->ijkl...", np.eye(d), S[:d, :d])
+    if D.any():  # not so of neo-Hooke's law
+        A += np.einsum("im...,mjnl...,kn...->ijkl...", f, D, f, optimize=True)
+    return np.einsum("im...,mj...->ij...", F, S), A
 
 
 def deformation(H: Array) -> tuple[Array, Array, Array]:
@@ -142,9 +164,6 @@ def logarithmic(
     turned = {key: _turned(N, X) if X.ndim == 4 else X for key, X in state.items()}
     T, A, new = law(strain[:d, :d], turned)
     first, second = _first(values[:, None], values), _second(values[:d])
-    S = first * T
-    M = np.einsum("im...,ma...->ia...", F, N)
-    stress = np.einsum("ia...,ab...,jb...->ij...", M, S, N, optimize=True)
     # dS_ac = 1/2 D_acbd dC_bd: of the law, and of principal axes and stretches that change
     f, t, one = first[:d, :d], T[:d, :d], np.eye(d)
     D = f[:, :, None, None] * f * A
@@ -152,11 +171,10 @@ def logarithmic(
     turns = np.einsum("abc...,cd->acbd...", g, one)
     turns = turns + turns.swapaxes(0, 1)
     D = D + turns + turns.swapaxes(2, 3)
-    m, n = M[:d, :d], N[:d, :d]
-    push = np.einsum("ia...,jc...->ijac...", m, n)
-    tangent = np.einsum("ijac...,acbd...,klbd...->ijkl...", push, D, push, optimize=True)
-    undeformed = np.einsum("ja...,ab...,lb...->jl...", n, S[:d, :d], n, optimize=True)
-    tangent += np.einsum("ik,jl...->ijkl...", one, undeformed)
+    n = N[:d, :d]
+    turn = np.einsum("ia...,jc...->ijac...", n, n)
+    D = np.einsum("ijac...,acbd...,klbd...->ijkl...", turn, D, turn, optimize=True)
+    stress, tangent = first_piola(F, _turned(back, first * T), D)
     return stress, tangent, {k: _turned(back, X) if X.ndim == 4 else X for k, X in new.items()}
 
 
