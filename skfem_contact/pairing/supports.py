@@ -121,7 +121,7 @@ def slip_rows(
 
 
 def guided_tangents(secondary: ContactSurface, primary: ContactSurface, pairing: Pairing) -> Pairing:
-    """The pairing of glue in space, with tangents along what supports hold as `Pairing.still` (rule 4)."""
+    """The pairing of glue in space, its tangents along what supports hold `Pairing.still` (rule 4)."""
     guided = np.array(np.broadcast_to(pairing.paired[:, None], pairing.normal.shape))
     sides = (pairing.secondary_weights, secondary), (pairing.primary_weights, primary)
     for weights, surface in sides:
