@@ -130,8 +130,9 @@ def guided_tangents(secondary: ContactSurface, primary: ContactSurface, pairing:
         guided &= free <= GIVEN * np.asarray(size.sum(axis=1))
     still = ~can_move(guided[:, None], pairing.tangent)
     # one direction is left, and the normal has it
-    still |= ((guided.sum(axis=1) == 2) & can_move(guided, pairing.normal))[:, None]
-    still &= guided.any(axis=1)[:, None]
+    alone: Mask = (np.sum(guided, axis=1) == 2) & can_move(guided, pairing.normal)
+    still |= alone[:, None]
+    still &= np.any(guided, axis=1, keepdims=True)
     if not still.any():
         return pairing
     return replace(pairing, still=still if pairing.still is None else still | pairing.still)
