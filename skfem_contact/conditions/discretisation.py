@@ -21,7 +21,7 @@ from skfem_contact.pairing.corners import Names, corner_contacts
 from skfem_contact.pairing.frames import loaded_frames
 from skfem_contact.pairing.mortar import dual_mortar
 from skfem_contact.pairing.node import Pairing, at_control_points, gap_vectors, node_to_segment
-from skfem_contact.pairing.supports import along_supports, held_tangents
+from skfem_contact.pairing.supports import along_supports, guided_tangents, held_tangents
 from skfem_contact.pairing.vectors import entries
 
 
@@ -66,7 +66,10 @@ def pair(
         return pairing
     tangent = along_supports(pairing.tangent, pairing.normal, secondary.held)
     pairing = replace(pairing, tangent=tangent)
-    return pairing if partner is None else held_tangents(secondary, partner, pairing)
+    if partner is None:
+        return pairing
+    pairing = held_tangents(secondary, partner, pairing)
+    return guided_tangents(secondary, partner, pairing) if contact.tied else pairing
 
 
 def _unlike(contact: Contact, d: int) -> InputError:

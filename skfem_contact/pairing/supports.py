@@ -2,7 +2,7 @@ r"""Supports and the multipliers of mortar contact: nodes that are held need non
 
 The row of a secondary node is given up for the node's own DOF. Where that is prescribed, the row
 would be closed by moving the few free nodes of the primary that have some weight in it: with a
-weight of ``1e-6``, a million times as far as the gap is deep. Hence three rules.
+weight of ``1e-6``, a million times as far as the gap is deep. Hence four rules.
 
 1. A node all of whose components are prescribed has no multiplier: on every facet its share goes to
    a neighbour that is free (merging, see `dual`). Facets all of whose nodes are held keep theirs, as
@@ -19,6 +19,10 @@ weight of ``1e-6``, a million times as far as the gap is deep. Hence three rules
    neighbours keep their rows, and half a model is half of the whole. Along what is free it is the
    multiple of the normal row: on a surface that meets the line at another angle than a right one,
    forces have one direction, and normal force and friction share it as at any node that two rows hold.
+4. The tangential rows of glue along what supports hold on both sides are closed by the supports, of
+   whatever method. What else moves in them would close them with a million times the force: a node with
+   a weight below the digits of coordinates, of a foot that round-off puts beside a wall, or the
+   neighbours that the height of a smooth boundary follows.
 
 References
 ----------
@@ -37,6 +41,7 @@ from scipy.sparse import csr_matrix, diags
 
 from skfem_contact.arrays import Array, Index, Mask, unit
 from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.digits import GIVEN
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.segmentation import Segmentation
 from skfem_contact.pairing.thresholds import FACING, MOVING_SHARE, OVERHANG
@@ -113,6 +118,24 @@ def slip_rows(
     there = csr_matrix((weight.ravel(), at), shape=weights[1].shape)
     others = diags(1.0 - own.diagonal())
     return csr_matrix(others @ weights[0] + own), csr_matrix(others @ weights[1] + there)
+
+
+def guided_tangents(secondary: ContactSurface, primary: ContactSurface, pairing: Pairing) -> Pairing:
+    """The pairing of glue in space, its tangents along what supports hold `Pairing.still` (rule 4)."""
+    guided = np.array(np.broadcast_to(pairing.paired[:, None], pairing.normal.shape))
+    sides = (pairing.secondary_weights, secondary), (pairing.primary_weights, primary)
+    for weights, surface in sides:
+        size = abs(weights)
+        free = size @ (~surface.held).astype(float)
+        guided &= free <= GIVEN * np.asarray(size.sum(axis=1))
+    still = ~can_move(guided[:, None], pairing.tangent)
+    # one direction is left, and the normal has it
+    alone: Mask = (np.sum(guided, axis=1) == 2) & can_move(guided, pairing.normal)
+    still |= alone[:, None]
+    still &= np.any(guided, axis=1, keepdims=True)
+    if not still.any():
+        return pairing
+    return replace(pairing, still=still if pairing.still is None else still | pairing.still)
 
 
 def held_tangents(secondary: ContactSurface, primary: ContactSurface, pairing: Pairing) -> Pairing:

@@ -359,6 +359,17 @@ def test_moments_of_second_order_follow_no_route():
     np.testing.assert_allclose(shares[1], shares[0], rtol=1e-6)
 
 
+def test_glue_along_walls_carries_what_presses():
+    """Of nodes on walls that guide both bodies, with a smooth boundary whose height follows neighbours,
+    the rows along the walls were closed by weights of 1e-4: forces of 1e6 to 1e12 for 1e3 (71004)."""
+    s = scene(71004)
+    run = bench.run(replace(s, steps=s.steps[:2]))
+    assert run.error is None
+    for answer in run.answers:  # one on the other: the joint above carries the load of the step
+        joint, above = (answer.contacts[name].forces for name in ("joint1", "joint2"))
+        assert np.abs(joint).max() < np.abs(above).sum()
+
+
 @pytest.mark.filterwarnings("ignore::skfem_contact.ContactWarning")  # 7 slides far
 @pytest.mark.parametrize(
     "seed, way", [(7, Way(shuffle=1)), pytest.param(12, Way(turn=1), marks=pytest.mark.slow)]
