@@ -36,7 +36,7 @@ def user_pages() -> list[str]:
 def sentences(page: str) -> list[list[str]]:
     """The words of each sentence of the prose of a page."""
     page = re.sub(r"^```.*?^```$|<!--.*?-->|!\[[^\]]*\]\([^)]*\)", "", page, flags=re.S | re.M)
-    page = re.sub(r"^(?:\||#|\$\$|:::).*$", "\n", page, flags=re.M)
+    page = re.sub(r"^(?:\||#|\$\$|:::| {4}).*$", "\n", page, flags=re.M)
     page = re.sub(r"`[^`\n]+`|\$[^$]+\$", "name", re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", page))
     blocks = re.split(r"\n\s*\n|\n\s*(?:[-*]|\d+\.) ", page)
     found = [re.findall(r"\w[\w'.-]*", s) for b in blocks for s in re.split(r"[.!?](?=\W|$)", b)]

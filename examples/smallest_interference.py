@@ -1,4 +1,4 @@
-r"""Design: the smallest interference that keeps the bore of a die in compression under its load.
+r"""The smallest interference of a die: its bore stays in compression under the load.
 
       axis   insert  ring
         |    |    |      |     insert: bore 40 mm, outer radius 32 mm

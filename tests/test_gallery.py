@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from runpy import run_path
 from typing import Any
@@ -25,6 +26,21 @@ def test_every_example_has_a_place(gallery: dict[str, Any]) -> None:
     first = sorted((ROOT / "examples").glob("*.py"), key=gallery["Order"]())[:4]
     solids = [path.stem for path in first if "MeshHex" in path.read_text(encoding="utf-8")]
     assert solids == ["stl_brake", "ball_joint", "gear_pair"]
+
+
+SOLID = re.compile(r"MeshHex|MeshTet")
+
+
+@pytest.mark.parametrize("folder", ["examples", "docs/recipes"])
+def test_half_are_solids(folder: str) -> None:
+    """At least half of the gallery and of the recipes compute bodies of three dimensions."""
+    names = {path.stem for path in (ROOT / folder).glob("*.*") if path.suffix in {".py", ".md"}}
+    names -= {"README", "index"}
+    solids = {"leaking_flange"} if folder == "examples" else set()  # its tetrahedra are in a file
+    for name in names - {"gmsh"}:  # the recipe names MeshTet, and reads a plane mesh
+        (path,) = (ROOT / folder).glob(f"{name}.*")
+        solids |= {name} if SOLID.search(path.read_text(encoding="utf-8")) else set()
+    assert 2 * len(solids) >= len(names), sorted(names - solids)
 
 
 def test_thumbnails_are_small_and_show_a_part(gallery: dict[str, Any], tmp_path: Path) -> None:
