@@ -39,7 +39,6 @@ from skfem_contact.arrays import Array, lengths, size_of, unit_vectors
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.problem.points import Duals
-from skfem_contact.problem.seam import Response
 
 TINY = np.finfo(float).tiny
 HANDED_ON = "slip", "friction", "reference", "bound", "stretch"
@@ -166,8 +165,7 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
     loads : bool
         Whether derivatives by loads and displacements are wanted, for which the interior is recovered.
     """
-    answer, problem, bolts = tangent.answer, tangent.problem, tangent.bolts
-    (m, t), duals = answer.local.slip.shape, dict(weights)
+    bolts, duals = tangent.bolts, dict(weights)
     for name, own in after.items():
         add(duals, name, own)
     if "lost" in duals:
@@ -175,21 +173,17 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
     take(_after(tangent, "lost" in duals), duals, back=True)
     if bolts and "pull" in duals:
         add(duals, "u", bolts.pulls.T @ duals["pull"])
-    forces, pulled, u = np.zeros(len(problem.compliance.W)), None, duals.get("u")
-    given = Values() if u is None else {"f": u}
-    if u is not None:
-        pulled = problem.other_load(tangent.case(given))
-        forces = np.asarray(pulled.moved)
-    gap, normal_force = (np.ravel(duals.get(name, np.zeros(m))) for name in ("gap", "normal_force"))
-    slip, friction = (duals.get(name, np.zeros((m, t))) for name in ("slip", "friction"))
-    zone, key = tangent.zone
-    found = zone.adjoint(tangent.conditions, Response(gap, slip, normal_force, friction, forces), key)
+    if (rims := tangent.rims) is not None:
+        # transposed these push where loads move something
+        f = np.asarray(tangent.pulled(duals, True)[1])
+        moved = lambda u: tangent.pulled({"u": u}, True)[1]  # noqa: E731
+        add(duals, "u", tangent.at_rims(rims.T, moved, f))
+    found, force = tangent.pulled(duals, bool(loads or bolts))
     duals |= {"gap0": found.gap0[:, None], "slip0": found.slip0}
     duals |= {"anchor": found.anchor, "offset": found.offset}
-    if loads or bolts:
-        force = problem.G.T @ found.moved + (0.0 if pulled is None else pulled.prescribed)
-        duals["f"] = tangent.recovered(force, given)
-        duals["x"] = _by_supports(tangent, duals["f"], found, u)
+    if force is not None:
+        duals["f"] = force
+        duals["x"] = _by_supports(tangent, force, found, duals.get("u"))
     if bolts:
         add(duals, "drive", -bolts.pulls @ duals["f"])
     take(_before(tangent), duals, back=True)
