@@ -202,22 +202,14 @@ def _by_supports(tangent: Tangent, f: Array, found: Duals, u: Array | None) -> A
     return x
 
 
-def one_sided(tangent: Tangent, found: Values, last: Values, side: int) -> Rates:
-    """Rates to one side, with the statuses that hold there.
+class Verge:
+    """The points of a tangent that are about to change to one side, and their states.
 
     Raises
     ------
     InputError
         Bounds of friction at the kink change with the slip.
-    NotConverged
-        No statuses fit.
     """
-    found = {name: side * own for name, own in found.items()}
-    return Verge(tangent, found, last).rates() if len(tangent.kinks) else Rates(tangent, found, last)
-
-
-class Verge:
-    """The points of a tangent that are about to change, and their states."""
 
     def __init__(self, tangent: Tangent, change: Values, last: Values) -> None:
         self.tangent, self.change, self.last = tangent, change, last
@@ -225,7 +217,7 @@ class Verge:
         compliance, local, answer = tangent.problem.compliance, tangent.local, tangent.answer
         has_slip = np.all(compliance.tangential_rows[at] >= 0, axis=1)
         self.rubs = answer.model.interface.frictional[at] & has_slip
-        self.touches = tangent.touching[at] & (compliance.normal_rows[at] >= 0)
+        self.touches = (tangent.margins[0][at] <= SOLVED) & (compliance.normal_rows[at] >= 0)
         if self.rubs.any() and not tangent.rule.steady:
             raise InputError(
                 "side: bounds of friction that change with the slip have no one-sided derivatives. "
@@ -252,7 +244,13 @@ class Verge:
         self._read(Rates(tangent, change, last).values)
 
     def rates(self) -> Rates:
-        """Change states until none contradicts: all, and the last alone once they repeat (Murty)."""
+        """Change states until none contradicts: all, and the last alone once they repeat (Murty).
+
+        Raises
+        ------
+        NotConverged
+            No statuses fit.
+        """
         seen, whole = set[bytes](), True
         for _ in range(MOST_CHANGES * len(self.at)):
             rates = self._solved()

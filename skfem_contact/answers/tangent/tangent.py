@@ -242,11 +242,6 @@ class Tangent:
         """Points at which the answer has a kink: a derivative to either side, which may differ."""
         return np.flatnonzero(self.margin <= SOLVED)
 
-    @property
-    def touching(self) -> Mask:
-        """Points that neither press nor are apart, (m,)."""
-        return np.asarray(self.margins[0] <= SOLVED)
-
     @cached_property
     def slid(self) -> Mask:
         """Points whose slip in the step is more than round-off, (m,): it tells where friction acts."""
