@@ -79,7 +79,8 @@ class Placed:
         MaterialError
             A body has no answer.
         """
-        stiffness, states, rims = list(self.stiffness), list(self.material), None
+        stiffness, states = list(self.stiffness), list(self.material)
+        rims: csr_matrix | None = None
         internal, beyond = np.zeros((2, system.n))
         bodies: tuple[Any, ...] = system.bodies  # those with fluids are not linear
         for i, body in enumerate(bodies):

@@ -175,15 +175,14 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
         add(duals, "u", bolts.pulls.T @ duals["pull"])
     if (rims := tangent.rims) is not None:
         # transposed these push where loads move something
-        f = np.asarray(tangent.pulled(duals, True)[1])
-        moved = lambda u: tangent.pulled({"u": u}, True)[1]  # noqa: E731
-        add(duals, "u", tangent.at_rims(rims.T, moved, f))
-    found, force = tangent.pulled(duals, bool(loads or bolts))
+        own = tangent.pulled(duals)[1]()
+        add(duals, "u", tangent.at_rims(rims.T, lambda u: tangent.pulled({"u": u})[1](), own))
+    found, recover = tangent.pulled(duals)
     duals |= {"gap0": found.gap0[:, None], "slip0": found.slip0}
     duals |= {"anchor": found.anchor, "offset": found.offset}
-    if force is not None:
-        duals["f"] = force
-        duals["x"] = _by_supports(tangent, force, found, duals.get("u"))
+    if loads or bolts:
+        duals["f"] = recover()
+        duals["x"] = _by_supports(tangent, duals["f"], found, duals.get("u"))
     if bolts:
         add(duals, "drive", -bolts.pulls @ duals["f"])
     take(_before(tangent), duals, back=True)

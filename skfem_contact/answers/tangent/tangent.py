@@ -122,8 +122,8 @@ class Tangent:
         # shared by a history, as far as it is on one problem: steps that tighten bolts have another
         known = {} if zones is None else zones
         self.zones = known.get(id(problem)) or known.setdefault(id(problem), Zones(problem.compliance))
-        self.local, placed = answer.local, answer.placed
-        local, self.rims = self.local, None if placed is None else placed.rims
+        self.local = local = answer.local
+        self.rims = None if answer.placed is None else answer.placed.rims
         self.rule = FrictionRule(interface.laws, local.area, local.reference)
         # bolts in the step: with a force that is given, and with the stretch of the step before
         self.bolts, tight = None, answer.case.bolts
@@ -326,10 +326,10 @@ class Tangent:
             found = zone.solve(replace(held, anchor=anchor, offset=offset), load, key)
         return found, lambda: self.recovered(self.problem.source(load, found).values, given)
 
-    def pulled(self, weights: Values, recover: bool) -> tuple[Duals, Array | None]:
-        """`respond` backwards: from derivatives of a number by the response to those by changes.
+    def pulled(self, weights: Values) -> tuple[Duals, Callable[[], Array]]:
+        """`respond` backwards, without rims: from derivatives by the response to those by changes.
 
-        Those by loads (n,) come last, on request.
+        And how to find those by loads (n,).
         """
         (m, t), problem, (zone, key) = self.local.slip.shape, self.problem, self.zone
         forces, load, given = np.zeros(len(problem.compliance.W)), None, Values()
@@ -343,10 +343,8 @@ class Tangent:
         slip, friction = (weights.get(name, np.zeros((m, t))) for name in ("slip", "friction"))
         of = Response(gap, slip, normal_force, friction, forces)
         found = zone.adjoint(self.conditions, of, key)
-        if not recover:
-            return found, None
-        force = problem.G.T @ found.moved + (0.0 if load is None else load.prescribed)
-        return found, self.recovered(force, given)
+        held = 0.0 if load is None else load.prescribed
+        return found, lambda: self.recovered(problem.G.T @ found.moved + held, given)
 
     def recovered(self, force: Array, given: Values) -> Array:
         """Displacements (n,) under such changes and forces on the contact DOFs (n_c,)."""
