@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.linalg
 import skfem as fem
 from numpy.testing import assert_allclose
 
@@ -179,6 +180,44 @@ def test_derivatives_of_an_answer_in_a_fluid() -> None:
     ends = (tube(0.0, 0.2 * (1 + side * width / 2)).solve().u for side in (1, -1))
     found = np.subtract(*ends) / width
     assert_allclose(pressed, found, rtol=0, atol=1e-8 * abs(found).max())
+
+
+def test_derivatives_where_a_free_rim_ends_the_wet_surface() -> None:
+    """The load of the fluid has no potential there: forwards, backwards, and as modes have it.
+
+    Against differences by a width of 1e-4, which leave its square, and against a dense pencil.
+    """
+    mesh = fem.MeshQuad().refined(2).with_defaults()
+    wet = mesh.with_boundaries({"wet": lambda x: (x[0] == 0) & (x[1] > 0.5)})
+    ceiling = sc.RigidPlane((0, 1), (0, -1), name="ceiling")
+    steps = [{"motion": {"ceiling": (w, -0.05)}} for w in (0.0, 0.02)]
+
+    def scene(p: float = 0.1, mu: float = 0.2) -> sc.ContactSolver:
+        given = {"D": "bottom", "f": {"wet": p}, "mass": 1.0, "name": "block"}
+        body = block(wet, fem.ElementQuad1(), **given)
+        return sc.ContactSolver(body, sc.Contact(body.surface("top"), ceiling, friction=sc.Coulomb(mu)))
+
+    solver, width, known = scene(), 1e-4, {}
+    first, last = solver.history(steps)
+    tangent = last.linearized
+    assert {1, 2} <= set(tangent.status)
+    for by, changed in ("load", {"p": 0.1}), ("friction", {"mu": 0.2}):
+        known[by] = last.sensitivity(by, after=first.sensitivity(by))
+        size = 1.0 if by == "load" else 0.2
+        ends = [
+            [*scene(**{k: v * (1 + side * width / 2) for k, v in changed.items()}).history(steps)][-1].u
+            for side in (1, -1)
+        ]
+        found = np.subtract(*ends) / (width * size)
+        assert_allclose(known[by].u, found, rtol=0, atol=1e-7 * abs(found).max())
+    way = np.cos(np.arange(len(last.u)))
+    weights = {"u": way, "normal_force": way[: len(tangent.status)]}
+    by_all = solver.gradient(lambda results: (0.0, [None, weights]), steps, by=[*known])
+    assert_allclose(by_all.parts, [own.dot(weights) for own in known.values()], rtol=1e-11)
+    found = solver.modes(last, 6, slipping="steady")
+    M = tangent.W.T @ solver.system.bodies[0].mass @ tangent.T
+    squares = scipy.linalg.eigvals(tangent.K_r.toarray(), M.toarray())
+    assert_allclose(found.frequency, np.sort(np.sqrt(squares.real))[:6] / (2 * np.pi), rtol=1e-9)
 
 
 def test_a_small_vibration_in_a_fluid_is_that_of_its_mode() -> None:

@@ -7,15 +7,16 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import coo_matrix, csr_matrix
 
-from skfem_contact.arrays import Array
+from skfem_contact.arrays import Array, largest
 from skfem_contact.bodies.member import State
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import LocalState
+from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
@@ -42,9 +43,9 @@ class Placed:
         Internal variables of each body there; none of linear ones.
     trend : ndarray, shape (n,)
         How the displacements changed in the last part of a load step, over its share of it [length].
-    rims : tuple of slice and csr_matrix
-        DOFs of bodies that fluids press, and the part of the derivative of their load that is not
-        symmetric: it belongs to the rims of the pressed surfaces.
+    rims : csr_matrix, shape (n, n), or None
+        The part of the derivative of the load of fluids that is not symmetric: it belongs to the rims
+        of the pressed surfaces. Without what supports bear; None where nothing is left.
     """
 
     u: Array
@@ -53,7 +54,7 @@ class Placed:
     beyond: Array
     material: tuple[State, ...]
     trend: Array
-    rims: tuple[tuple[slice, csr_matrix], ...] = ()
+    rims: csr_matrix | None = None
 
     @classmethod
     def of_start(cls, system: System, stiffness: Sequence[csr_matrix], start: Any) -> Placed:
@@ -78,7 +79,8 @@ class Placed:
         MaterialError
             A body has no answer.
         """
-        stiffness, states, rims = list(self.stiffness), list(self.material), []
+        stiffness, states = list(self.stiffness), list(self.material)
+        rims: csr_matrix | None = None
         internal, beyond = np.zeros((2, system.n))
         bodies: tuple[Any, ...] = system.bodies  # those with fluids are not linear
         for i, body in enumerate(bodies):
@@ -90,9 +92,9 @@ class Placed:
             if i in fluid:
                 beyond[part], slope = fluid_beyond(body, fluid[i], u[part])
                 stiffness[i] = csr_matrix(stiffness[i] - 0.5 * (slope + slope.T))
-                rims.append((part, 0.5 * (slope - slope.T)))
+                rims = _with_rim(rims, system, part, slope)
         internal, beyond = sealed(internal - beyond), sealed(beyond)
-        now = tuple(stiffness), internal, beyond, tuple(states), self.trend, tuple(rims)
+        now = tuple(stiffness), internal, beyond, tuple(states), self.trend, rims
         return Placed(sealed(u), *now)
 
     def stiffened(self, undeformed: Sequence[csr_matrix], share: float) -> Placed:
@@ -102,13 +104,6 @@ class Placed:
         pairs = zip(self.stiffness, undeformed, strict=True)
         stiffness = tuple(K if K is own else csr_matrix(K + share * own) for K, own in pairs)
         return replace(self, stiffness=stiffness)
-
-    def turned(self, u: Array) -> Array:
-        """Return what fluids have more at the rims of what they press, at displacements u (n,)."""
-        out = np.zeros(len(u))
-        for part, slope in self.rims:
-            out[part] += slope @ (u[part] - self.u[part])
-        return out
 
     def resisting(self, system: System, u: Array) -> Array:
         """Return what the bodies as linearised here resist displacements u (n,) with, (n,) [force]."""
@@ -154,6 +149,20 @@ def fluid_beyond(body: Any, pressures: Array, u: Array) -> tuple[Array, csr_matr
     """What a fluid has on the boundary at u beyond its load on the undeformed one; the derivative."""
     load, slope = body.pressed(pressures, u)
     return load - body.pressed(pressures)[0], slope
+
+
+def _with_rim(
+    rims: csr_matrix | None, system: System, part: slice, slope: csr_matrix
+) -> csr_matrix | None:
+    """With the half of the derivative of a body's load that is not symmetric, where it is any."""
+    odd, free = coo_matrix(0.5 * (slope - slope.T)), np.ones(system.n, dtype=bool)
+    free[system.D] = False
+    row, column = odd.row + part.start, odd.col + part.start
+    some = free[row] & (np.abs(odd.data) > COMPUTED * largest(np.abs(slope.data)))
+    if not some.any():
+        return rims
+    found = csr_matrix((odd.data[some], (row[some], column[some])), shape=(system.n, system.n))
+    return found if rims is None else csr_matrix(rims + found)
 
 
 def point_forces(kin: Kinematics, state: LocalState) -> Array:

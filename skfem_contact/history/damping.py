@@ -161,24 +161,12 @@ def damping(
     masing = 2 * peak * [(w[-1, 0] - 2 * w[:, 0]) @ sines[: steps + 1] for w in first]
     energy, masing = (np.where(np.abs(e) > SOLVED * peak * amplitude, e, 0.0) for e in (energy, masing))
     frequency = np.sqrt(peak / (m * amplitude)) / (2 * np.pi)
-    ratio, done = energy / (2 * np.pi * peak * amplitude), np.array(closed)
+    ratio = energy / (2 * np.pi * peak * amplitude)
     lost = np.array([sum(r.dissipation for r in own) for own in last])
     tight = {name: [own[-1].bolts[name].force for own in last] for name in result.bolts}
     bolts = {name: np.array(own) - result.bolts[name].force for name, own in tight.items()}
-    return Damping(
-        linear,
-        amplitude,
-        frequency,
-        energy,
-        ratio,
-        masing,
-        lost,
-        np.array(count),
-        done,
-        loops,
-        first,
-        bolts,
-    )
+    ends = energy, ratio, masing, lost, np.array(count), np.array(closed)
+    return Damping(linear, amplitude, frequency, *ends, loops, first, bolts)
 
 
 def _checked(modes: Modes, amplitudes: ArrayLike, i: int, result: ContactResult) -> Array:

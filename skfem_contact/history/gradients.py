@@ -9,6 +9,7 @@ step, for any number of values.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -125,6 +126,11 @@ def _linearised(
     if not results:
         raise InputError("steps are empty: there is nothing to differentiate")
     answers = [answer_of(result) for result in results]
+    for answer, after in pairwise(answers):
+        # a step on the same pairing began with what this one ended with, along the same tangents
+        begin, state = after.before, answer.state
+        if begin is not None and begin.status is state.status and after.kin is answer.kin:
+            vars(answer)["local"] = begin
     tangents = [Tangent(answer, zones) for answer in answers]
     if any(p.kind in ("stiffness", "scene") for p in by):
         recover_all(answers)

@@ -305,7 +305,7 @@ class NonlinearSearch:
         # in space directions of friction turn, which takes more than a few: the next begins anew; and
         # where linear problems are iterated, the first of a few are rough
         turns = model.kin.tangents > 1 and bool(model.interface.laws)
-        if not (exact or turns or at.rims or model.motions.k or model.route in ROUGH):
+        if not (exact or turns or at.rims is not None or model.motions.k or model.route in ROUGH):
             few = replace(by, options=replace(by.options, max_iterations=CONTACT_ITERATIONS))
             problem = model.problem_on(*(step.pairing or (None, None)))
             with suppress(*UNSOLVED):  # exactly, then
@@ -329,8 +329,10 @@ class NonlinearSearch:
                 attempt, u = refined(attempt, u, at)
             if not usable(attempt, u):
                 raise NoAnswer(NONE_NEAR, Verdict(advice=SINGULAR))
+            if at.rims is None:
+                break
             # linear problems are symmetric: what turns with the rims of fluids follows from answers
-            found = at.turned(u)
+            found = at.rims @ (u - at.u)
             if largest(np.abs(found - turned)) <= COMPUTED * largest(np.abs(target.f)):
                 break
             turned = secant.next(turned, found)

@@ -111,17 +111,20 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
     count = len(trial.independent)
     if n > count:
         raise InputError(f"n = {n} modes of {count} DOFs that are free to move")
-    K_r, M_r = trial.T.T @ K @ trial.T, trial.T.T @ M @ trial.T
+    K_r, M_r, placed = trial.T.T @ K @ trial.T, trial.T.T @ M @ trial.T, answer.placed
     heavy = M_r.diagonal().sum()
     if not heavy > 0:
         raise InputError(MASSLESS)
     shift = float(K_r.diagonal().sum() / heavy) / count
-    if test is not trial:
+    rims = None if placed is None else placed.rims
+    symmetric = test is trial and rims is None
+    if not symmetric:
+        K = K if rims is None else K - rims
         K_r, M_r = test.T.T @ K @ trial.T, test.T.T @ M @ trial.T
     points = np.concatenate([body.dof_points for body in system.bodies])[trial.independent]
     try:
         with single_threaded:
-            squares, found = _nearest(K_r, M_r, shift, n, points if test is trial else None)
+            squares, found = _nearest(K_r, M_r, shift, n, points if symmetric else None)
         _check(K_r, M_r, squares, found, shift)
     except (ArpackError, SingularMatrix) as error:
         raise InputError(f"{MASSLESS} ({error})") from None

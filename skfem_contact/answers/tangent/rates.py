@@ -39,7 +39,6 @@ from skfem_contact.arrays import Array, lengths, size_of, unit_vectors
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.problem.points import Duals
-from skfem_contact.problem.seam import Response
 
 TINY = np.finfo(float).tiny
 HANDED_ON = "slip", "friction", "reference", "bound", "stretch"
@@ -166,8 +165,7 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
     loads : bool
         Whether derivatives by loads and displacements are wanted, for which the interior is recovered.
     """
-    answer, problem, bolts = tangent.answer, tangent.problem, tangent.bolts
-    (m, t), duals = answer.local.slip.shape, dict(weights)
+    bolts, duals = tangent.bolts, dict(weights)
     for name, own in after.items():
         add(duals, name, own)
     if "lost" in duals:
@@ -175,21 +173,16 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
     take(_after(tangent, "lost" in duals), duals, back=True)
     if bolts and "pull" in duals:
         add(duals, "u", bolts.pulls.T @ duals["pull"])
-    forces, pulled, u = np.zeros(len(problem.compliance.W)), None, duals.get("u")
-    given = Values() if u is None else {"f": u}
-    if u is not None:
-        pulled = problem.other_load(tangent.case(given))
-        forces = np.asarray(pulled.moved)
-    gap, normal_force = (np.ravel(duals.get(name, np.zeros(m))) for name in ("gap", "normal_force"))
-    slip, friction = (duals.get(name, np.zeros((m, t))) for name in ("slip", "friction"))
-    zone, key = tangent.zone
-    found = zone.adjoint(tangent.conditions, Response(gap, slip, normal_force, friction, forces), key)
+    if (rims := tangent.rims) is not None:
+        # transposed these push where loads move something
+        own = tangent.pulled(duals)[1]()
+        add(duals, "u", tangent.at_rims(rims.T, lambda u: tangent.pulled({"u": u})[1](), own))
+    found, recover = tangent.pulled(duals)
     duals |= {"gap0": found.gap0[:, None], "slip0": found.slip0}
     duals |= {"anchor": found.anchor, "offset": found.offset}
     if loads or bolts:
-        force = problem.G.T @ found.moved + (0.0 if pulled is None else pulled.prescribed)
-        duals["f"] = tangent.recovered(force, given)
-        duals["x"] = _by_supports(tangent, duals["f"], found, u)
+        duals["f"] = recover()
+        duals["x"] = _by_supports(tangent, duals["f"], found, duals.get("u"))
     if bolts:
         add(duals, "drive", -bolts.pulls @ duals["f"])
     take(_before(tangent), duals, back=True)
@@ -208,22 +201,14 @@ def _by_supports(tangent: Tangent, f: Array, found: Duals, u: Array | None) -> A
     return x
 
 
-def one_sided(tangent: Tangent, found: Values, last: Values, side: int) -> Rates:
-    """Rates to one side, with the statuses that hold there.
+class Verge:
+    """The points of a tangent that are about to change to one side, and their states.
 
     Raises
     ------
     InputError
         Bounds of friction at the kink change with the slip.
-    NotConverged
-        No statuses fit.
     """
-    found = {name: side * own for name, own in found.items()}
-    return Verge(tangent, found, last).rates() if len(tangent.kinks) else Rates(tangent, found, last)
-
-
-class Verge:
-    """The points of a tangent that are about to change, and their states."""
 
     def __init__(self, tangent: Tangent, change: Values, last: Values) -> None:
         self.tangent, self.change, self.last = tangent, change, last
@@ -231,7 +216,7 @@ class Verge:
         compliance, local, answer = tangent.problem.compliance, tangent.local, tangent.answer
         has_slip = np.all(compliance.tangential_rows[at] >= 0, axis=1)
         self.rubs = answer.model.interface.frictional[at] & has_slip
-        self.touches = tangent.touching[at] & (compliance.normal_rows[at] >= 0)
+        self.touches = (tangent.margins[0][at] <= SOLVED) & (compliance.normal_rows[at] >= 0)
         if self.rubs.any() and not tangent.rule.steady:
             raise InputError(
                 "side: bounds of friction that change with the slip have no one-sided derivatives. "
@@ -258,7 +243,13 @@ class Verge:
         self._read(Rates(tangent, change, last).values)
 
     def rates(self) -> Rates:
-        """Change states until none contradicts: all, and the last alone once they repeat (Murty)."""
+        """Change states until none contradicts: all, and the last alone once they repeat (Murty).
+
+        Raises
+        ------
+        NotConverged
+            No statuses fit.
+        """
         seen, whole = set[bytes](), True
         for _ in range(MOST_CHANGES * len(self.at)):
             rates = self._solved()

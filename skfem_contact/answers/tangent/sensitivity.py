@@ -9,7 +9,7 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.tangent.changes import Parameter, change, parameters
-from skfem_contact.answers.tangent.rates import Maps, Rates, add, check_lost, one_sided, take
+from skfem_contact.answers.tangent.rates import Maps, Rates, Verge, add, check_lost, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import numbers, shown
 from skfem_contact.arrays import Array, Index
@@ -131,7 +131,10 @@ def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int)
     if after is not None and (repr(after.by), after.side) != (repr(by), side):
         raise InputError(f"after is by {after.by!r}, side {after.side}; here by {by!r}, side {side}")
     found, last = change(by, tangent), {} if after is None else after._rates.handed_on
-    rates = one_sided(tangent, found, last, side) if side else Rates(tangent, found, last)
+    if side < 0:
+        found = {name: -own for name, own in found.items()}
+    at_kink = side and len(tangent.kinks)
+    rates = Verge(tangent, found, last).rates() if at_kink else Rates(tangent, found, last)
     return Sensitivity(by, rates, side)
 
 

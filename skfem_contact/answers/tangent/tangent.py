@@ -42,11 +42,13 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import combined_rows, tangential_matrix
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
-from skfem_contact.digits import SOLVED
+from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.elimination.constraint import AffineConstraint, eliminate
-from skfem_contact.errors import InputError
+from skfem_contact.errors import InputError, NotConverged
+from skfem_contact.linalg.krylov import gmres
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.step import largest_force
+from skfem_contact.problem.points import Duals
 from skfem_contact.problem.seam import Conditions, Response, Source
 from skfem_contact.problem.zone import Zone, Zones
 
@@ -121,6 +123,7 @@ class Tangent:
         known = {} if zones is None else zones
         self.zones = known.get(id(problem)) or known.setdefault(id(problem), Zones(problem.compliance))
         self.local = local = answer.local
+        self.rims = None if answer.placed is None else answer.placed.rims
         self.rule = FrictionRule(interface.laws, local.area, local.reference)
         # bolts in the step: with a force that is given, and with the stretch of the step before
         self.bolts, tight = None, answer.case.bolts
@@ -239,11 +242,6 @@ class Tangent:
         """Points at which the answer has a kink: a derivative to either side, which may differ."""
         return np.flatnonzero(self.margin <= SOLVED)
 
-    @property
-    def touching(self) -> Mask:
-        """Points that neither press nor are apart, (m,)."""
-        return np.asarray(self.margins[0] <= SOLVED)
-
     @cached_property
     def slid(self) -> Mask:
         """Points whose slip in the step is more than round-off, (m,): it tells where friction acts."""
@@ -290,13 +288,63 @@ class Tangent:
         """Response of the points to such changes, and to those of offset and anchor.
 
         And how to find the displacements of all bodies (n,) that follow from it.
+
+        Raises
+        ------
+        NotConverged
+            See `at_rims`.
         """
+        found, recover = self._respond(given)
+        if self.rims is None:
+            return found, recover
+        f = self.at_rims(self.rims, lambda f: self._respond({"f": f})[1](), recover())
+        return self._respond(given | {"f": given["f"] + f if "f" in given else f})
+
+    def at_rims(self, rims: csr_matrix, moved: Callable[[Array], Array], u: Array) -> Array:
+        """Loads f = rims (u + moved(f)), (n,): what is not symmetric stands beside the factors.
+
+        Raises
+        ------
+        NotConverged
+            A fluid pushes rims more than the bodies resist.
+        """
+        b = rims @ u
+        size = float(np.linalg.norm(b))
+        found = gmres(lambda f: f - rims @ moved(f), b, np.copy, b, COMPUTED * size, len(b))
+        if found.residual > SOLVED * size:
+            raise NotConverged(
+                "derivatives at the free rims of what a fluid presses were not found", None
+            )
+        return found.x
+
+    def _respond(self, given: Values) -> tuple[Response, Callable[[], Array]]:
+        """`respond` without rims."""
         held = self.conditions
         anchor, offset = (given.get(name, held.anchor) for name in ("anchor", "offset"))
         with single_threaded:
             load, (zone, key) = self.problem.other_load(self.case(given)), self.zone
             found = zone.solve(replace(held, anchor=anchor, offset=offset), load, key)
         return found, lambda: self.recovered(self.problem.source(load, found).values, given)
+
+    def pulled(self, weights: Values) -> tuple[Duals, Callable[[], Array]]:
+        """`respond` backwards, without rims: from derivatives by the response to those by changes.
+
+        And how to find those by loads (n,).
+        """
+        (m, t), problem, (zone, key) = self.local.slip.shape, self.problem, self.zone
+        forces, load, given = np.zeros(len(problem.compliance.W)), None, Values()
+        if "u" in weights:
+            given = {"f": weights["u"]}
+            load = problem.other_load(self.case(given))
+            forces = np.asarray(load.moved)
+        gap, normal_force = (
+            np.ravel(weights.get(name, np.zeros(m))) for name in ("gap", "normal_force")
+        )
+        slip, friction = (weights.get(name, np.zeros((m, t))) for name in ("slip", "friction"))
+        of = Response(gap, slip, normal_force, friction, forces)
+        found = zone.adjoint(self.conditions, of, key)
+        held = 0.0 if load is None else load.prescribed
+        return found, lambda: self.recovered(problem.G.T @ found.moved + held, given)
 
     def recovered(self, force: Array, given: Values) -> Array:
         """Displacements (n,) under such changes and forces on the contact DOFs (n_c,)."""
@@ -314,7 +362,7 @@ class Tangent:
         if self.conditions.gives:
             B_t = self.answer.kin.B_t
             stiffness = csr_matrix(stiffness + tangential_matrix(B_t, self.spring))
-        return stiffness
+        return stiffness if self.rims is None else csr_matrix(stiffness - self.rims)
 
     @property
     def rows(self) -> csr_matrix:
