@@ -111,7 +111,7 @@ def test_residuals_fall_quadratically() -> None:
     """With the derivative of the load: the last residuals are as squares of those before."""
     for result in ring(FOAM, 0.06)[0].history([0.5, 1.0]):
         a, b, c = (iteration.residual for iteration in result.newton[-3:])
-        assert b < 10 * a**2
+        assert b < max(10 * a**2, 1e-12)  # round-off, where areas alone were left
         assert c < max(10 * b**2, 1e-12)
 
 

@@ -86,7 +86,7 @@ class Contour:
     heights: Array
 
 
-def contour(surface: ContactSurface, closed: Mask, gap: Array) -> Contour:
+def contour(surface: ContactSurface, closed: Mask, gap: Array, stretch: Array | None = None) -> Contour:
     """The edge of contact and the area within.
 
     Parameters
@@ -95,13 +95,18 @@ def contour(surface: ContactSurface, closed: Mask, gap: Array) -> Contour:
     closed : ndarray of bool, shape (m,)
     gap : ndarray, shape (m,)
         ``inf`` where a point has no partner [length].
+    stretch : ndarray, shape (m,), optional
+        Areas at the nodes over those of the surface.
     """
     corners, d = surface.kind.simplices, surface.dim
     h = heights(surface, closed, gap)
     height = with_centres(surface, h)[:, corners].reshape(-1, d)
     x = with_centres(surface, surface.points)[:, corners].reshape(-1, d, d)
     part, segments = _cut(height, x)
-    return Contour(segments, float(part @ simplex_areas(surface, x)), h)
+    areas = simplex_areas(surface, x)
+    if stretch is not None:
+        areas = areas * with_centres(surface, stretch)[:, corners].reshape(-1, d).mean(axis=1)
+    return Contour(segments, float(part @ areas), h)
 
 
 def heights(surface: ContactSurface, closed: Mask, gap: Array) -> Array:

@@ -61,7 +61,8 @@ class ContactValues(NamesAttributes):
     tangential_force : ndarray, shape (m, d-1)
         Friction on the secondary along the tangents [force].
     area : ndarray, shape (m,)
-        Tributary area; zero at points without one of their own, see `pressure`.
+        Tributary area; zero at points without one of their own, see `pressure`. With
+        ``sliding="finite"`` that of the deformed surface, if the body is one of finite strain.
     surface : ContactSurface
         The secondary surface, undeformed.
     heir : ndarray of int, shape (m,)
@@ -254,13 +255,17 @@ class ContactValues(NamesAttributes):
 
     @cached_property
     def contact_area(self) -> float:
-        """Area in contact, up to `contact_edges` [area]."""
+        """Area in contact, up to `contact_edges`; deformed where bodies of finite strain slide far."""
         return self._contour.area
 
     @property
     def _contour(self) -> Contour:
         """The edge of contact, and the area within."""
-        return contour(self._placed, self.status != OPEN, self.gap)
+        surface, stretch = self.surface, None
+        if self.contact.sliding == "finite" and getattr(surface.body, "finite_strain", False):
+            own = (surface.area > 0) & (self.area > 0)
+            stretch = np.divide(self.area, surface.area, out=np.ones(len(own)), where=own)
+        return contour(self._placed, self.status != OPEN, self.gap, stretch)
 
     @cached_property
     def error_estimate(self) -> ErrorEstimate:

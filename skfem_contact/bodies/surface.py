@@ -38,7 +38,7 @@ from skfem_contact.bodies.selection import (
 from skfem_contact.bodies.thresholds import BENT
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
-from skfem_contact.sealed import seal
+from skfem_contact.sealed import seal, sealed
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +172,9 @@ class ContactSurface(NamesAttributes):
         return np.asarray(np.isin(self.dofs, self.body.D).any(axis=1))
 
     def moved(self, u: np.ndarray) -> ContactSurface:
-        """Return the surface displaced: same nodes, facets and areas, new positions and normals.
+        """Return the surface displaced: same nodes and facets, new positions and normals.
+
+        Of bodies of finite strain it has its areas there; small strains change none.
 
         Parameters
         ----------
@@ -190,7 +192,12 @@ class ContactSurface(NamesAttributes):
             )
         points = self.points + u[self.dofs]
         normals = sizes_and_normals(points, self.facets, self.kind, self.held, self.twins)
-        return replace(self, points=points, undeformed=self.original, **normals)
+        area = self.area
+        if getattr(self.body, "finite_strain", False):
+            area = sealed(
+                tributary_areas(points, self.facets, self.kind, self.body.measure, self.label)
+            )
+        return replace(self, points=points, area=area, undeformed=self.original, **normals)
 
     @property
     def original(self) -> ContactSurface:

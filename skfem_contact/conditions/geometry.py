@@ -80,6 +80,8 @@ class Geometry:
         counts = [part.m for part in self._first]
         self.finite = np.repeat([contact.sliding == "finite" for contact in contacts], counts)
         self.follows = bool(self.finite.any())  # whether any contact slides far
+        stretches = [getattr(contact.secondary.body, "finite_strain", False) for contact in contacts]
+        self.stretches = self.finite & np.repeat(stretches, counts)  # points whose areas change
         self.surface_dofs = surface_dofs(system, contacts)
 
     @cached_property
@@ -270,6 +272,12 @@ class Geometry:
         scale = np.max(np.abs(state.normal_force), initial=0.0)
         moved = np.max(np.abs(change), initial=0.0) / scale if scale > 0 else 0.0
         return float(np.maximum(np.max(gap, initial=0.0) / self.system.extent, moved))
+
+    def stretched(self, old: Kinematics, new: Kinematics, state: LocalState) -> float:
+        """Change of areas that bodies of finite strain bear forces on, over the largest force's."""
+        force = np.where(self.stretches & (new.area > 0), np.abs(state.normal_force), 0.0)
+        change = force * np.abs(1.0 - old.area / np.where(force > 0, new.area, 1.0))
+        return float(np.max(change, initial=0.0) / np.max(force, initial=np.finfo(float).tiny))
 
     def _on_surfaces(self, B: csr_matrix, forces: Array) -> Array:
         """Forces along rows as those on the DOFs of surfaces that slide far, ``B' forces``.

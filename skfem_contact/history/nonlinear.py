@@ -214,11 +214,13 @@ class NonlinearSearch:
             attempt, own = self._judged(step, attempt, u, FAR if number == 1 else 1.0)
             self.advance.attempt = attempt
             if balanced and attempt.good:
-                self._arrive(part, attempt, now.placed)
-                return attempt
+                if not self._stretched(on, own, attempt):
+                    self._arrive(part, attempt, now.placed)
+                    return attempt
+                now, step = now._replace(norm=most), replace(step, pairing=own)
             # a pairing that has settled stays, and Newton's method is quick again; so does one on which
             # bodies have yet to come nearer: nothing bounds what is left where both change
-            if own is not None and attempt.failure and (nearer or balanced):
+            elif own is not None and attempt.failure and (nearer or balanced):
                 # residuals on two pairings are two things: no smaller one is asked for, but none that
                 # is larger than all before: without this a ball deep in a block ran away
                 now = now._replace(norm=most)
@@ -226,6 +228,13 @@ class NonlinearSearch:
             closing = closing or balanced  # contact alone is left, and is solved to its end from now on
             exact, step = closing, replace(step, known=attempt.state)
         raise self._unsettled(now, on, own)
+
+    def _stretched(self, on: Pairing, own: Pairing, attempt: Attempt) -> bool:
+        """Return whether areas, and the laws and pressures by them, are not those of the answer yet."""
+        if on is None or own is None:
+            return False
+        change = self.stepper.model.geometry.stretched(on[0], own[0], attempt.local)
+        return change > self.stepper.options.placement_tolerance
 
     def _unsettled(self, now: Reached, on: Pairing, own: Pairing) -> NoAnswer:
         """No answer after all iterates; where pairings lead to each other the point is named."""
