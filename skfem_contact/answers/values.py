@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skfem_contact.answers.fields import Contour, contour, displaced, interpolate
+from skfem_contact.answers.fields import Contour, contour, covers, interpolate
 from skfem_contact.answers.thresholds import COARSE, ESTIMATED
 from skfem_contact.arguments import NamesAttributes, numbers
 from skfem_contact.arrays import Array
@@ -136,6 +136,7 @@ class ContactValues(NamesAttributes):
     worn_volume: float
     assess: Callable[[ContactValues], ErrorEstimate]
     slips: Callable[[], Array]
+    placed: Callable[[], ContactSurface]
 
     def __post_init__(self) -> None:
         seal(self)
@@ -255,17 +256,19 @@ class ContactValues(NamesAttributes):
 
     @cached_property
     def contact_area(self) -> float:
-        """Area in contact, up to `contact_edges`; deformed where bodies of finite strain slide far."""
+        """Area in contact, up to `contact_edges` [area]: of the same surface as `area`.
+
+        With ``method="mortar"`` without the parts of facets that the primary does not cover.
+        """
         return self._contour.area
 
     @property
     def _contour(self) -> Contour:
         """The edge of contact, and the area within."""
-        surface, stretch = self.surface, None
-        if self.contact.sliding == "finite" and getattr(surface.body, "finite_strain", False):
-            own = (surface.area > 0) & (self.area > 0)
-            stretch = np.divide(self.area, surface.area, out=np.ones(len(own)), where=own)
-        return contour(self._placed, self.status != OPEN, self.gap, stretch)
+        placed, cover = self.placed(), 1.0
+        if self.contact.method == "mortar" and not self.contact.rigid:
+            cover = covers(placed, self.area, self.heir, np.isfinite(self.gap))
+        return contour(self.surface, self.status != OPEN, self.gap, placed, cover)
 
     @cached_property
     def error_estimate(self) -> ErrorEstimate:
@@ -291,7 +294,7 @@ class ContactValues(NamesAttributes):
             raise InputError(
                 f"points have shape {at.shape}, or are not finite; give positions (p, {d})"
             )
-        return interpolate(self._placed, self._at_points(values), at)
+        return interpolate(self.surface, self._at_points(values), at)
 
     def integrate(self, values: ArrayLike) -> Any:
         """Integral of a field over the points; of `traction` it is `force`, to round-off.
@@ -316,10 +319,6 @@ class ContactValues(NamesAttributes):
                 f"{len(self.area)} points: give a value for each"
             )
         return field
-
-    @property
-    def _placed(self) -> ContactSurface:
-        return displaced(self.surface, self.points)
 
 
 def status_words(values: ContactValues) -> str:

@@ -53,13 +53,25 @@ def own_normals(points: Array, facets: Index, kind: FacetKind) -> tuple[Array, A
     return np.where(there, element[:, :-1] / np.where(there, size, 1.0), middle[:, None]), middle
 
 
-def tributary_areas(points: Array, facets: Index, kind: FacetKind, measure: Any, label: str) -> Array:
-    """Integrals of the shape functions, times the measure, over the surface, shape (m,)."""
+def node_shares(
+    points: Array, facets: Index, kind: FacetKind, measure: Any, label: str, places: Array | None = None
+) -> Array:
+    """Integrals of the shape functions, times the measure, over each facet, shape (nf, k).
+
+    The measure is that of the nodes' `places` (m, d), where it is not that of the points.
+    """
     N, dN, weight = kind.gauss
     density = sizes(_elements(points, facets, kind, dN)) * weight
     if measure is not None:
-        density = density * weights_of(measure, np.einsum("qk,fkd->dfq", N, points[facets]), label)
-    return np.asarray(np.bincount(facets.ravel(), (density @ N).ravel(), len(points)), dtype=float)
+        at = (points if places is None else places)[facets]
+        density = density * weights_of(measure, np.einsum("qk,fkd->dfq", N, at), label)
+    return np.asarray(density @ N)
+
+
+def tributary_areas(points: Array, facets: Index, *given: Any) -> Array:
+    """`node_shares` of all facets together, shape (m,)."""
+    shares = node_shares(points, facets, *given)
+    return np.asarray(np.bincount(facets.ravel(), shares.ravel(), len(points)), dtype=float)
 
 
 def area_integrals(points: Array, facets: Index, kind: FacetKind, measure: Any) -> tuple[Array, Array]:

@@ -12,6 +12,7 @@ from skfem_contact.arguments import NamesAttributes, check_name, numbers
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
 from skfem_contact.bodies.facets import (
     check_facets,
+    node_shares,
     order_along,
     own_normals,
     seen_from_outside,
@@ -192,12 +193,10 @@ class ContactSurface(NamesAttributes):
             )
         points = self.points + u[self.dofs]
         normals = sizes_and_normals(points, self.facets, self.kind, self.held, self.twins)
-        area = self.area
-        if getattr(self.body, "finite_strain", False):
-            area = sealed(
-                tributary_areas(points, self.facets, self.kind, self.body.measure, self.label)
-            )
-        return replace(self, points=points, area=area, undeformed=self.original, **normals)
+        moved = replace(self, points=points, undeformed=self.original, **normals)
+        if not getattr(self.body, "finite_strain", False):
+            return moved
+        return replace(moved, area=sealed(tributary_areas(points, self.facets, *moved._weighed)))
 
     @property
     def original(self) -> ContactSurface:
@@ -229,6 +228,24 @@ class ContactSurface(NamesAttributes):
         for node in self._rim.T:
             np.logical_or.at(found, node, self.mirrored_rim)
         return found
+
+    @property
+    def measured_at(self) -> np.ndarray:
+        """Positions of the nodes that the `measure` of the body is asked at, shape (m, d) [length].
+
+        Rings are as long as their radius is now; a thickness goes with the body, and is that of the
+        undeformed place.
+        """
+        return self.points if self.body.axisymmetric else self.original.points
+
+    @property
+    def _weighed(self) -> tuple[Any, ...]:
+        return self.kind, self.body.measure, self.label, self.measured_at
+
+    @cached_property
+    def shares(self) -> np.ndarray:
+        """Integrals of the shape functions, times the `measure`, over each facet, (nf, k) [area]."""
+        return node_shares(self.points, self.facets, *self._weighed)
 
     @property
     def facet_areas(self) -> np.ndarray:
@@ -344,6 +361,7 @@ class NoBody:
 
     name = None
     measure = None
+    axisymmetric = False
     D = np.zeros(0, dtype=np.int64)
 
     def __init__(self, d: int) -> None:

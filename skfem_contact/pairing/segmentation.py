@@ -286,7 +286,7 @@ class Segmentation:
             size = sizes(ways[0] if len(ways) == 1 else cross(*ways))
             out[bent] = size * reference / plane
         if measure is not None:
-            nodes = surface.points[surface.facets[own.facet[cell]]]
+            nodes = surface.measured_at[surface.facets[own.facet[cell]]]
             out *= measure(np.moveaxis(points.N @ nodes, -1, 0))
         return out
 
@@ -440,7 +440,7 @@ def whole_shares(surface: ContactSurface) -> Array:
     N, _ = kind.shapes(at)
     area = sizes(area_elements(surface.points, surface.facets, kind, at)) * weight
     if measure is not None:
-        area = area * measure(np.moveaxis(N @ surface.points[surface.facets], -1, 0))
+        area = area * measure(np.moveaxis(N @ surface.measured_at[surface.facets], -1, 0))
     tests = N @ positive_functions(kind).T
     whole, plain = area @ tests, np.outer(area.sum(axis=1), positive_functions(kind) @ kind.shares)
     return np.asarray(np.where(whole > ROUND_OFF * plain, whole, plain))
