@@ -40,7 +40,7 @@ UNSTABLE = (
     "disturbance: a load of a millionth of the others, or nodes that are moved by as little."
 )
 TURNED = (
-    "The surfaces of contact '{}' have turned by {:.2g} rad, and sliding=\"small\" keeps contact as it "
+    "The surfaces of contact '{}' have {}, and sliding=\"small\" keeps contact as it "
     "is on the undeformed ones: gaps, normals and areas are those of before. Say "
     'Contact(..., sliding="finite") for contact on the deformed surfaces.'
 )
@@ -130,9 +130,12 @@ def remarks(attempt: Attempt, placed: Placed) -> dict[str, str]:
         found["unstable"] = UNSTABLE
     names = attempt.model.interface.contacts
     for i, contact in enumerate(names):
-        angle = turned(attempt, placed, i)
+        angle, change = turned(attempt, placed, i), stretched(attempt, placed, i)
         if angle > A_TENTH:
-            found[f"turned {i}"] = TURNED.format(contact.name or i + 1, angle)
+            found[f"turned {i}"] = TURNED.format(contact.name or i + 1, f"turned by {angle:.2g} rad")
+        if abs(change) > A_TENTH:
+            how = f"changed their area by {100 * change:+.2g} %"
+            found[f"stretched {i}"] = TURNED.format(contact.name or i + 1, how)
     return found
 
 
@@ -185,3 +188,19 @@ def turned(attempt: Attempt, placed: Placed, i: int) -> float:
     both = presses & np.isfinite(there.gap)
     along = np.einsum("id,id->i", there.normal, attempt.problem.kin.normal[part])[both]
     return float(np.max(np.arccos(np.clip(along, -1.0, 1.0)), initial=0.0))
+
+
+def stretched(attempt: Attempt, placed: Placed, i: int) -> float:
+    """By which part facets that press have grown, under small sliding of bodies of finite strain.
+
+    Pressures and friction by stress are by the area before. Of glue, stresses alone are.
+    """
+    model = attempt.model
+    contact, part = model.interface.contacts[i], model.interface.point_slices[i]
+    side, presses = contact.secondary, attempt.local.normal_force[part] != 0
+    if contact.sliding != "small" or contact.tied or not getattr(side.body, "finite_strain", False):
+        return 0.0
+    own = presses[side.facets].any(axis=1)
+    moved = side.moved(placed.u[model.system.slice(side.body)])
+    before, now = (float(on.shares[own].sum()) for on in (side, moved))
+    return now / before - 1.0 if before > 0 else 0.0
