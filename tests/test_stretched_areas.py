@@ -221,15 +221,22 @@ def test_what_the_primary_does_not_cover_is_not_in_contact(element: str, end: fl
 
 
 @pytest.mark.parametrize("partner", ["plane", "lid"])
-def test_stretched_areas_under_small_sliding_are_named(partner: str) -> None:
-    """Areas are the undeformed ones with small sliding: beyond a tenth a word is said, once."""
+def test_friction_by_undeformed_areas_is_named(partner: str) -> None:
+    """Areas are the undeformed ones with small sliding; where friction is by them, a word is said."""
     lid: Any = sc.RigidPlane((0, 2), (0, -1), name="lid")
     if partner == "lid":
         lid = block("quad1", STEEL, np.linspace(-2, 4, 7), [2, 3], name="lid")
     grid = np.linspace(0, 2, 4)
-    pressed(block("quad2", RUBBER, grid, grid), lid, [(0.0, 0.1)])  # by 6 %: without a word
+    rubber, tresca = block("quad2", RUBBER, grid, grid), sc.Tresca(TAU)
     ways = [(0.0, 0.1), (0.0, 0.3), (0.0, 0.4)]
-    with pytest.warns(sc.ContactWarning, match=r"'top' have changed their area by \+1") as said:
-        values, _ = pressed(block("quad2", RUBBER, grid, grid), lid, ways)
-    assert len(said) == 1
-    np.testing.assert_allclose(values.contact_area, 2.0)
+    values, u = pressed(rubber, lid, ways[:1], friction=tresca)  # by 6 %: without a word
+    pressed(rubber, lid, ways, friction=sc.Coulomb(0.01))  # forces are those on any area
+    with pytest.warns(sc.ContactWarning, match=r"'top' have changed their area.* by \+1\d %") as said:
+        values, u = pressed(rubber, lid, ways, friction=tresca)
+    assert len(said) == 1  # once in a history
+    assert area_by_nanson(rubber, u, MEASURES["plane"][1]) > 2.3
+    np.testing.assert_allclose([values.contact_area, values.area.sum()], 2.0)
+    slips = values.status == 2
+    assert slips.any()
+    friction = np.abs(values.tangential_force)[slips, 0]
+    np.testing.assert_allclose(friction, TAU * values.area[slips])

@@ -62,7 +62,9 @@ class ContactValues(NamesAttributes):
         Friction on the secondary along the tangents [force].
     area : ndarray, shape (m,)
         Tributary area; zero at points without one of their own, see `pressure`. With
-        ``sliding="finite"`` that of the deformed surface, if the body is one of finite strain.
+        ``sliding="finite"`` that of the deformed surface, if the body is one of finite strain or the
+        method ``"mortar"``; else that of the undeformed one. A thickness (`measure`) goes with the
+        body, rings are as long as they are now [area].
     surface : ContactSurface
         The secondary surface, undeformed.
     heir : ndarray of int, shape (m,)
@@ -183,6 +185,8 @@ class ContactValues(NamesAttributes):
     def pressure(self) -> Array:
         """Normal force over tributary area, positive in compression, shape (m,) [stress].
 
+        By the deformed or the undeformed area, as `area` is: of bodies of large strain with
+        ``sliding="small"`` it is force by initial area.
         Negative in tension, which contact without separation bears. With ``method="mortar"`` these
         are the coefficients of the multiplier; node by node, the pressure that has these nodal
         forces to second order in the size of the facets, averaged with the shape function of the
@@ -193,7 +197,7 @@ class ContactValues(NamesAttributes):
 
     @property
     def friction_stress(self) -> Array:
-        """Friction over tributary area along the tangents, shape (m, d-1) [stress]."""
+        """Friction over `area` along the tangents, shape (m, d-1) [stress]."""
         return self._over_area(self.tangential_force)
 
     def _over_area(self, force: Array) -> Array:
@@ -208,7 +212,7 @@ class ContactValues(NamesAttributes):
 
     @property
     def traction(self) -> Array:
-        """Stress vector on the secondary, in global axes, shape (m, d) [stress]."""
+        """Stress vector on the secondary by `area`, in global axes, shape (m, d) [stress]."""
         return self._over_area(self.forces)
 
     @property
@@ -297,7 +301,7 @@ class ContactValues(NamesAttributes):
         return interpolate(self.surface, self._at_points(values), at)
 
     def integrate(self, values: ArrayLike) -> Any:
-        """Integral of a field over the points; of `traction` it is `force`, to round-off.
+        """Integral of a field over the points by `area`; of `traction` it is `force`, to round-off.
 
         Parameters
         ----------

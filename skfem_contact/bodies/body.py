@@ -82,7 +82,8 @@ class Body(Meshed):
         is free there; `D` has to have the others.
     measure : callable, optional
         Weight of the area where `K` carries one, a function of the component-first position:
-        ``lambda x: 2 * np.pi * x[0]`` for axisymmetric bodies, a thickness for plane ones.
+        ``lambda x: 2 * np.pi * x[0]`` for axisymmetric bodies, a thickness for plane ones. A
+        thickness goes with the body: it is asked for at undeformed positions.
     mass : float, BilinearForm or sparse matrix, optional
         For `ContactSolver.modes`: the mass by volume, in the plane by area where `measure` is no
         thickness, or a form or matrix (n, n); by default the density of a material. `mass` of the body

@@ -21,6 +21,7 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.carried import copied
 from skfem_contact.conditions.discretisation import pair
+from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.state import OPEN, STICK, LocalState
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import ContactError, LinearSolveError, SingularMatrix
@@ -134,7 +135,7 @@ def remarks(attempt: Attempt, placed: Placed) -> dict[str, str]:
         if angle > A_TENTH:
             found[f"turned {i}"] = TURNED.format(contact.name or i + 1, f"turned by {angle:.2g} rad")
         if abs(change) > A_TENTH:
-            how = f"changed their area by {100 * change:+.2g} %"
+            how = f"changed their area, and friction by stress with it by {100 * change:+.2g} %"
             found[f"stretched {i}"] = TURNED.format(contact.name or i + 1, how)
     return found
 
@@ -191,16 +192,20 @@ def turned(attempt: Attempt, placed: Placed, i: int) -> float:
 
 
 def stretched(attempt: Attempt, placed: Placed, i: int) -> float:
-    """By which part facets that press have grown, under small sliding of bodies of finite strain.
+    """By which part friction would be larger on the deformed area, under small sliding.
 
-    Pressures and friction by stress are by the area before. Of glue, stresses alone are.
+    Of bodies of finite strain, by what facets that press have grown: laws by stress take the area
+    before, as pressures do.
     """
     model = attempt.model
     contact, part = model.interface.contacts[i], model.interface.point_slices[i]
-    side, presses = contact.secondary, attempt.local.normal_force[part] != 0
-    if contact.sliding != "small" or contact.tied or not getattr(side.body, "finite_strain", False):
+    side, local, laws = contact.secondary, attempt.local, model.interface.laws
+    follows = contact.sliding != "small" or not getattr(side.body, "finite_strain", False)
+    bound = 0.0 if follows or contact.friction is None else friction_bound(laws, local)[part].sum()
+    if not bound > 0:
         return 0.0
-    own = presses[side.facets].any(axis=1)
+    own = (local.normal_force[part] != 0)[side.facets].any(axis=1)
     moved = side.moved(placed.u[model.system.slice(side.body)])
     before, now = (float(on.shares[own].sum()) for on in (side, moved))
-    return now / before - 1.0 if before > 0 else 0.0
+    grown = replace(local, area=local.area * (now / before if before > 0 else 1.0))
+    return float(friction_bound(laws, grown)[part].sum() / bound - 1.0)
