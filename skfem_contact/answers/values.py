@@ -269,7 +269,8 @@ class ContactValues(NamesAttributes):
     @property
     def _contour(self) -> Contour:
         """The edge of contact, and the area within."""
-        placed, cover = self.placed(), 1.0
+        placed = self.placed()
+        cover: Array | float = 1.0
         if self.contact.method == "mortar" and not self.contact.rigid:
             cover = covers(placed, self.area, self.heir, np.isfinite(self.gap))
         return contour(self.surface, self.status != OPEN, self.gap, placed, cover)
