@@ -21,9 +21,8 @@ import skfem
 from skfem.assembly import BilinearForm
 from skfem.io.meshio import from_meshio
 
-from skfem_contact.arguments import check_kind, file_path, known_keywords, shown, suggest
+from skfem_contact.arguments import Named, check_kind, file_path, known_keywords, shown, suggest
 from skfem_contact.arrays import Array, Index
-from skfem_contact.assemblies.named import Named
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.inputs import SUPPORTED, deferred_basis
 from skfem_contact.bodies.selection import pieces
