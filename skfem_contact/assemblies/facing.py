@@ -19,14 +19,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask, across, sizes, unit
+from skfem_contact.arrays import Array, Index, Mask, across, dot, ragged, sizes, unit
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import node_positions
 from skfem_contact.bodies.selection import pieces as pieces_of
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.search import FacetTree, Nodes
-from skfem_contact.pairing.vectors import dot, ragged
 
 # Least cosine between a normal and the opposite of the other: half a right angle, beyond which two
 # surfaces stand beside each other rather than opposite.

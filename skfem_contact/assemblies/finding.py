@@ -30,7 +30,7 @@ from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.pairing.closest import signed_distances
-from skfem_contact.pairing.thresholds import FINER, STIFFER
+from skfem_contact.pairing.diagnosis import FINER, STIFFER
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
 

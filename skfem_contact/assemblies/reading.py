@@ -36,7 +36,7 @@ TAGS = ("gmsh:physical", "cell_tags", "medit:ref", "nastran:ref", "su2:tag", "fl
 #: What is meshed, or read, by Gmsh.
 CAD, BY_GMSH = (".step", ".stp", ".iges", ".igs", ".brep"), (".unv",)
 #: Nodes of a full turn of round faces that Gmsh meshes. Fewer facets than that are a polygon
-#: (`bodies.thresholds.STEEPEST`), and eight meet at corners.
+#: (`bodies.normal_field.STEEPEST`), and eight meet at corners.
 TURN = 16
 #: What STEP has for a name where none was given.
 NAMELESS = "Open CASCADE"

@@ -29,9 +29,18 @@ from scipy.sparse import csr_matrix, diags
 
 from skfem_contact.arrays import Array, Index, Mask, cross, runs, tangents
 from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.bodies.thresholds import BOWED, ENOUGH, FITS
 from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF, SOLVED
 from skfem_contact.records import dataclass
+
+# Neighbours that a quadric is fitted to, at least; where a node has less, theirs count, too. In the
+# plane these two tell all; in space five numbers are sought, and six nodes round one may lie on a cone.
+ENOUGH = {2: 2, 3: 7}
+
+# Steps of a fit at most: each gains the square of a facet over the radius of curvature, or better.
+FITS = 12
+
+# A facet with middle nodes is straight if they are no farther off than this part of its size.
+BOWED = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,9 +260,6 @@ def principal(k: Array) -> Array:
     """Principal directions of curvatures (d-1, d-1, q), as columns; the larger one's first."""
     _, axis = _largest(k)
     return axis[:, None] if len(k) == 1 else np.stack([axis, np.stack([-axis[1], axis[0]])], axis=1)
-
-
-# -- rings -----------------------------------------------------------------------------------------
 
 
 def around(facets: Index, kind: FacetKind, bowed: Mask, m: int) -> csr_matrix:

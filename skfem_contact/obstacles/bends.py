@@ -16,9 +16,8 @@ from scipy.sparse import coo_matrix, csr_matrix, identity, vstack
 from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.arrays import Array, Index, Mask
-from skfem_contact.bodies.normal_field import bends, end_slopes
+from skfem_contact.bodies.normal_field import BENT, STEEPEST, bends, end_slopes
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.bodies.thresholds import BENT, STEEPEST
 from skfem_contact.digits import SOLVED
 from skfem_contact.records import dataclass
 

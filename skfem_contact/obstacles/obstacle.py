@@ -18,12 +18,12 @@ from scipy.sparse import csr_matrix, identity
 
 from skfem_contact.arguments import PrintedAsCall, check_kind, check_name, numbers, shown
 from skfem_contact.arrays import Array, Index, sizes, tangents
-from skfem_contact.bodies.facets import area_vectors
+from skfem_contact.bodies.facet_kinds import area_vectors
 from skfem_contact.bodies.surface import ContactSurface, bare_surface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.node import Pairing, gap_vectors, node_to_segment
-from skfem_contact.pairing.thresholds import FACING
+from skfem_contact.pairing.search import FACING
 from skfem_contact.sealed import sealed
 
 #: Weights of the corners, for the corners of new facets, and these; None where none is cut.

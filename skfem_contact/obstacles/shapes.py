@@ -13,7 +13,6 @@ from skfem_contact.arguments import check_name, check_switch, number, numbers, t
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.carried import carried
 from skfem_contact.digits import COMPUTED, SINGLE, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import (
@@ -26,6 +25,7 @@ from skfem_contact.obstacles.obstacle import (
     rigid_motion,
 )
 from skfem_contact.records import dataclass
+from skfem_contact.sealed import carried
 
 Paired = NDArray[np.bool_]
 

@@ -27,15 +27,16 @@ from functools import cached_property
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask, across, cross, sizes, unit
+from skfem_contact.arrays import Array, Index, Mask, across, cross, dot, ragged, sizes, unit
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.pairing.clipping import signed_areas
-from skfem_contact.pairing.search import FacetTree, Nodes
-from skfem_contact.pairing.thresholds import FACING, MARGIN, NEWTON_STEPS
-from skfem_contact.pairing.vectors import dot, ragged
+from skfem_contact.pairing.search import FACING, MARGIN, FacetTree, Nodes
 from skfem_contact.records import dataclass
+
+# Newton steps at most on a curved facet or to an image along normals.
+NEWTON_STEPS = 12
 
 # With these signs the corners of a parallelogram add up to zero.
 SADDLE = np.array([1.0, -1.0, 1.0, -1.0])

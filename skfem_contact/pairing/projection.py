@@ -18,11 +18,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask, across, cross, sizes, unit
+from skfem_contact.arrays import Array, Index, Mask, across, cross, dot, ragged, sizes, turned, unit
 from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, SOLVED
-from skfem_contact.pairing.vectors import dot, ragged, turned
 from skfem_contact.records import dataclass
 
 #: Which way along a line leads out of it, by the place on it: start, end, inside.
