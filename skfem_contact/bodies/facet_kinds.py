@@ -1,4 +1,7 @@
-"""`FacetKind`: what is the same for all facets of a kind: nodes, edges, shape functions, names."""
+"""`FacetKind`: what is the same for all facets of a kind: nodes, edges, shape functions, names.
+
+Areas and normals of facets, by the shape functions of their kind, stand at the end.
+"""
 
 from __future__ import annotations
 

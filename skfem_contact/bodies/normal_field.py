@@ -5,7 +5,8 @@ At the nodes of lines the weights are one over the length: exact on a circle, an
 smooth curve. At a vertex of faces they are ``sin(alpha) / (|a| |b|)`` of the two edges a, b that a face
 has there: exact if the nodes lie on a sphere, whatever the faces round the vertex (N. Max, J. Graphics
 Tools 4 (1999) 1-6). Facets take part that can be reached round the node over edges which bend by no
-more than a corner does (`CORNER`). An edge of a line is its end, see `twin_edges`.
+more than a corner does (`CORNER`). What lies across an edge, or the end of a line, is found
+by `twin_edges`.
 
 **Turns** of a surface: sharp edges, kinks beside a flat, the ends of a curve, the slopes of an arc.
 
@@ -27,12 +28,15 @@ from skfem_contact.digits import GIVEN, SOLVED
 
 # Two facets that meet at 45 degrees or more form a corner: no normal is averaged over it. Chamfers of
 # 45 degrees are common, and it is not left to round-off, of files in single precision neither.
-CORNER = np.cos(np.pi / 4) * (1 + 1e-6)
+CORNER = np.cos(np.pi / 4) * (1 + GIVEN)
 
-# A facet stands for a piece of a curve if the smooth boundary leaves it by no more than 11.25 degrees:
-# 16 facets to the circle. With fewer the polygon is meant, as it is of a chamfer of 30 degrees. Of 16
-# it is not left to round-off.
-STEEPEST = np.tan(np.pi / 16) * (1 + 1e-9)
+# Facets to the circle that stand for it, at least: with fewer the polygon is meant, as it is of a
+# chamfer of 30 degrees.
+CIRCLE = 16
+
+# A facet stands for a piece of a curve if the smooth boundary leaves it by no more than 11.25 degrees.
+# Of 16 facets it is not left to round-off.
+STEEPEST = np.tan(np.pi / CIRCLE) * (1 + SOLVED)
 
 # ... and by about as much at both ends: where a straight side passes into an arc, one end turns by
 # half of the other, and beside a kink in a straight side one end does not turn at all.
@@ -42,7 +46,7 @@ ALIKE = 2 / 3
 # curves of shaken meshes turns differ, but not by as much.
 STRAIGHT = 0.02
 
-# Turns by less [rad] are no kink: a weighted gap is then wrong by a ten thousandth of a facet.
+# Turns by less [rad] are none: a weighted gap is then wrong by a ten thousandth of a facet.
 BENT = 1e-3
 
 # A surface ends on a plane of symmetry if its normal has none across it there: continued in proportion

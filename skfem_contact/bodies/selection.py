@@ -1,4 +1,7 @@
-"""Facets by names, functions of position and numbers; what acts on boundaries, by their names."""
+"""Facets by names, functions of position and numbers; what acts on boundaries, by their names.
+
+Facets are seen from outside of their body, and have a length or an area.
+"""
 
 from __future__ import annotations
 

@@ -30,13 +30,10 @@ import numpy as np
 from skfem_contact.arrays import Array, Index, Mask, across, cross, dot, ragged, sizes, unit
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import COMPUTED, SOLVED
+from skfem_contact.digits import COMPUTED, NEWTON_STEPS, SOLVED
 from skfem_contact.pairing.clipping import signed_areas
 from skfem_contact.pairing.search import FACING, MARGIN, FacetTree, Nodes
 from skfem_contact.records import dataclass
-
-# Newton steps at most on a curved facet or to an image along normals.
-NEWTON_STEPS = 12
 
 # With these signs the corners of a parallelogram add up to zero.
 SADDLE = np.array([1.0, -1.0, 1.0, -1.0])

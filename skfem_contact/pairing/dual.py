@@ -79,7 +79,7 @@ from scipy.sparse import csr_matrix, diags
 from skfem_contact.arrays import Array, Index, Mask, entries
 from skfem_contact.bodies.facet_kinds import FacetKind, positive_functions
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import GIVEN
+from skfem_contact.digits import GIVEN, SINGLE
 from skfem_contact.pairing.search import FACING
 from skfem_contact.pairing.segmentation import Segmentation
 from skfem_contact.records import dataclass
@@ -91,11 +91,6 @@ SHARE_KEPT = 1 / 4
 # multipliers become one on a line whose middle third is covered. On lines the sum of |weights| is then
 # below 5 (linear) and 7 (quadratic) however they are cut; uncut it is 1.7 and 2.2.
 WEIGHTS_KEPT = float(np.sqrt(7))
-
-# Facets on whose covered part the mass matrix has a worse condition have one multiplier: what it
-# would do to the rows is round-off times this, times the part of the area that is covered, which
-# then is small.
-WORST_CONDITION = 1e8
 
 # A surface moves at a point if nodes that move have this part of the weights there. To close a gap by
 # less is to tear the body: a node next to a clamped one, with a fifth of the weight, by five times
@@ -175,9 +170,10 @@ def dual_basis(
     single = kept.sum(axis=1) == 1
     A, S = _constants(share, total, np.where(single[:, None], kept, ~without))
     several = ~single if constant is None else ~(single | constant)
-    # the mass matrix of a sliver has no inverse to speak of
+    # the mass matrix of a sliver has no inverse to speak of: half of the digits of the rows would be
+    # lost, on a part of the area that is small
     least, most = np.linalg.eigvalsh(mass)[:, [0, -1]].T
-    left = np.flatnonzero(several & (least > most / WORST_CONDITION))
+    left = np.flatnonzero(several & (least > SINGLE * most))
     for choices in ([kept], edges):
         if not len(left):
             break

@@ -21,7 +21,7 @@ import numpy as np
 from skfem_contact.arrays import Array, Index, Mask, dot, runs, sizes, tangents
 from skfem_contact.bodies.facet_kinds import node_positions
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import COMPUTED
+from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.records import dataclass
 
 # A facet is a candidate if its normal n_p and that of the node, n_s, have n_s . n_p < -FACING:
@@ -36,8 +36,8 @@ BULGE = 0.1
 # To ask about so many pairs takes no longer than to go through the upper levels of a tree.
 FEW_PAIRS = 1 << 12
 
-# Balls are larger by this fraction of their radius, for round-off and for tolerances at the ends.
-MARGIN = 1e-5
+# Balls are larger by this fraction of their radius, for the tolerances at the ends, of `GIVEN` each.
+MARGIN = 10 * GIVEN
 
 # At the centre of a ball a point is within, whatever its direction.
 TINY = float(np.finfo(float).tiny)

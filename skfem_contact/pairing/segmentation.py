@@ -44,11 +44,10 @@ import numpy as np
 from skfem_contact.arrays import Array, Index, cross, dot, runs, sizes, summed, unit
 from skfem_contact.bodies.facet_kinds import KINDS, FacetKind, area_elements, positive_functions
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import COMPUTED, ROUND_OFF, SINGLE
+from skfem_contact.digits import COMPUTED, NEWTON_STEPS, ROUND_OFF, SINGLE
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.cells import (
     AFFINE,
-    NEWTON_STEPS,
     PART,
     SKEW,
     Cells,

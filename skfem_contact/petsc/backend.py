@@ -1,4 +1,15 @@
-"""`PETSc`: linear problems distributed over MPI ranks."""
+"""`PETSc`: linear problems distributed over MPI ranks, and bodies condensed over them.
+
+The ranks hold K by rows and factorise its interior once, ``K_ii``. Of the kept DOFs c MUMPS leaves
+``S = K_cc - K_ci K_ii^-1 K_ic`` on rank 0, in the same factorisation; other packages do not, and then
+S is ``n_c`` solves, in blocks. All else is a solve with ``K_ii`` and a product with K,
+
+    x_i = K_ii^-1 f_i,  f_c - K_ci x_i;      w_i = -K_ii^-1 K_ic u_c,  S u_c = K_ci w_i + K_cc u_c,
+
+for loads and for displacements of the kept DOFs. Where few are kept, as the anchors of a body whose
+contact is iterated, what follows from each of them is known once and for all, and costs no more solves
+(`DistributedFactor`, as rank 0 sees it).
+"""
 
 from __future__ import annotations
 
