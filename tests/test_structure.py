@@ -132,11 +132,8 @@ def test_closed_forms_depend_on_nothing():
     """The closed forms are independent of what they are compared with."""
     for name in MODULES:
         if name.startswith("reference."):
-            assert {other.split(".")[0] for other in imports(name)} <= {
-                "reference",
-                "arguments",
-                "errors",
-            }
+            used = {other.split(".")[0] for other in imports(name)}
+            assert used <= {"reference", "arguments", "errors"}
 
 
 @pytest.mark.parametrize("name", [m for m in MODULES if m.split(".")[0] not in ("output", "reference")])

@@ -35,10 +35,6 @@ from skfem_contact.pairing.projection import rim_points
 from skfem_contact.pairing.search import FACING
 from skfem_contact.trees import Tree
 
-# A nodal force under an isotropic strain that is more than 60 degrees off the normal shows that K is
-# not that of an elastic body there.
-ALONG = 0.5
-
 
 def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: Pairing) -> Pairing:
     """The pairing in the frames of the loaded interface, its gaps measured along the new normals.
@@ -148,7 +144,8 @@ def plane_moduli(surface: ContactSurface) -> Array:
         # on a plane of symmetry the force has a part across that plane, from the boundary there
         p, ratio = dot(dilated, area) / size**2, Q / P
         modulus = ratio * (2 + (d - 2) * ratio) / (1 + (d - 1) * ratio) * p
-    elastic = (dot(dilated, area) > ALONG * P * size) & np.isfinite(modulus) & (modulus > 0)
+    # under an isotropic strain a nodal force that points into the body is not that of an elastic one
+    elastic = np.isfinite(modulus) & (modulus > 0)
     elastic &= size > GIVEN * total  # at corners of quadratic triangles a is round-off
     inner = ~rim_points(surface, mirrored=False)
     known = elastic & inner
