@@ -26,8 +26,8 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import skfem_contact as sc
 from skfem_contact.linalg import Direct, lu, single_threaded
-from skfem_contact.once import Lock, once
 from skfem_contact.problem import Substructure, Workspace
+from skfem_contact.records import Lock, once
 
 THREADS = 8
 LOADS = 96

@@ -12,14 +12,13 @@ from scipy.sparse import coo_matrix, csr_matrix
 from skfem_contact.arrays import Array, largest
 from skfem_contact.bodies.member import State
 from skfem_contact.bodies.system import System, slices
-from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import LocalState
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
-from skfem_contact.sealed import sealed
+from skfem_contact.sealed import copied, sealed
 
 if TYPE_CHECKING:
     from skfem_contact.problem.model import LinearModel

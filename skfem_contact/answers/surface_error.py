@@ -57,9 +57,8 @@ from skfem_contact.answers.thresholds import SHARPER
 from skfem_contact.answers.validity.deformed_boundaries import Boundary
 from skfem_contact.answers.values import ContactValues, Three, relative
 from skfem_contact.arrays import Array, Index, Mask, tangents
-from skfem_contact.bodies.facet_kinds import kind_of
-from skfem_contact.bodies.facets import tributary_areas, twin_edges
-from skfem_contact.bodies.normal_field import sizes_and_normals
+from skfem_contact.bodies.facet_kinds import kind_of, tributary_areas
+from skfem_contact.bodies.normal_field import sizes_and_normals, twin_edges
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import SOLVED

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem_contact.answers.fields import Contour, contour, covers, interpolate
 from skfem_contact.answers.thresholds import COARSE, ESTIMATED
 from skfem_contact.arguments import NamesAttributes, numbers
-from skfem_contact.arrays import Array
+from skfem_contact.arrays import Array, cross
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
@@ -25,7 +25,6 @@ from skfem_contact.conditions.friction_rule import steep_words
 from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.vectors import cross
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal, sealed
 

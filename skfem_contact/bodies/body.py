@@ -41,11 +41,10 @@ from skfem_contact.bodies.member import Linearized, Meshed, State, motion_names,
 from skfem_contact.bodies.quadrature import volume
 from skfem_contact.bodies.selection import displacements, pieces, tractions
 from skfem_contact.bodies.surface import ContactSurface, extract_surface
-from skfem_contact.carried import can_be_carried, carried
 from skfem_contact.errors import InputError
 from skfem_contact.materials.elastic import Elastic
 from skfem_contact.records import dataclass
-from skfem_contact.sealed import seal
+from skfem_contact.sealed import can_be_carried, carried, seal
 
 
 @with_known_keywords(

@@ -9,34 +9,35 @@ from typing import Any
 import numpy as np
 
 from skfem_contact.arguments import NamesAttributes, check_name, numbers
-from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
-from skfem_contact.bodies.facets import (
-    check_facets,
+from skfem_contact.bodies.facet_kinds import (
+    FacetKind,
+    kind_of,
     node_shares,
-    order_along,
     own_normals,
-    seen_from_outside,
     tributary_areas,
-    twin_edges,
 )
 from skfem_contact.bodies.member import Meshed
 from skfem_contact.bodies.normal_field import (
+    BENT,
     end_slopes,
     end_turns,
     kink_angles,
+    order_along,
     sharp_edges,
     sizes_and_normals,
+    twin_edges,
 )
 from skfem_contact.bodies.quadrics import Quadrics, mirrors
 from skfem_contact.bodies.selection import (
     as_met,
+    check_facets,
     facet_nodes,
     held_components,
     name_of,
     node_dofs,
+    seen_from_outside,
     select_facets,
 )
-from skfem_contact.bodies.thresholds import BENT
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal, sealed

@@ -34,7 +34,6 @@ import numpy as np
 
 from skfem_contact.answers.placed import Iteration, Placed, point_forces
 from skfem_contact.arrays import Array, largest
-from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import COMPUTED, GIVEN
@@ -54,7 +53,7 @@ from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.step import DECREASE, HALVINGS
 from skfem_contact.problem.seam import Workspace
 from skfem_contact.records import dataclass
-from skfem_contact.sealed import sealed
+from skfem_contact.sealed import copied, sealed
 
 if TYPE_CHECKING:
     from skfem_contact.history.equilibrium import Known

@@ -19,7 +19,6 @@ from skfem_contact.answers.thresholds import A_TENTH
 from skfem_contact.arrays import Array, largest
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.carried import copied
 from skfem_contact.conditions.discretisation import pair
 from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.state import OPEN, STICK, LocalState
@@ -28,6 +27,7 @@ from skfem_contact.errors import ContactError, LinearSolveError, SingularMatrix
 from skfem_contact.history.load_step import Attempt, Recovery
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
 from skfem_contact.problem.seam import Response
+from skfem_contact.sealed import copied
 
 #: Routes whose linear problems are iterated.
 ROUGH = "iterated", "multigrid"

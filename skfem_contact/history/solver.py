@@ -35,7 +35,6 @@ from skfem_contact.bodies.inputs import Loads
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import stack
-from skfem_contact.carried import carried
 from skfem_contact.conditions.checks import check_passes, warn_unfelt_wear
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.friction import FrictionLaw
@@ -55,7 +54,7 @@ from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.substructure import Substructure
-from skfem_contact.sealed import sealed
+from skfem_contact.sealed import carried, sealed
 
 if TYPE_CHECKING:
     from skfem_contact.answers.tangent.modes import Modes

@@ -41,11 +41,10 @@ from functools import cached_property
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, cross, runs, sizes, unit
-from skfem_contact.bodies.facet_kinds import KINDS, FacetKind
-from skfem_contact.bodies.facets import area_elements
+from skfem_contact.arrays import Array, Index, cross, dot, runs, sizes, summed, unit
+from skfem_contact.bodies.facet_kinds import KINDS, FacetKind, area_elements, positive_functions
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import COMPUTED, ROUND_OFF, SINGLE
+from skfem_contact.digits import COMPUTED, NEWTON_STEPS, ROUND_OFF, SINGLE
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.cells import (
     AFFINE,
@@ -64,12 +63,7 @@ from skfem_contact.pairing.clipping import (
     signed_areas,
 )
 from skfem_contact.pairing.closest import search_range
-from skfem_contact.pairing.dual import positive_functions
-from skfem_contact.pairing.thresholds import (
-    FACING,
-    NEWTON_STEPS,
-)
-from skfem_contact.pairing.vectors import dot, summed
+from skfem_contact.pairing.search import FACING
 from skfem_contact.records import dataclass
 
 # Degrees of the quadrature: at least, in parts of curved facets, and by how much more than for

@@ -45,12 +45,12 @@ from skfem_contact.linalg.amg import (
     not_within,
 )
 from skfem_contact.linalg.backend import Surface
-from skfem_contact.once import once
 from skfem_contact.problem.forces import HeldForces, OnForces
 from skfem_contact.problem.full import DependentRows, FullProblem, FullSystem
 from skfem_contact.problem.seam import Conditions, ContactProblem, Load, PosedOn, Response, Source
 from skfem_contact.problem.substructure import Components, Substructure, Substructures
 from skfem_contact.problem.thresholds import ITERATED, MOST_PRODUCTS, ROUNDING
+from skfem_contact.records import once
 
 logger = logging.getLogger("skfem_contact")
 

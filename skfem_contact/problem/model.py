@@ -11,23 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
-from skfem_contact.arrays import Array, largest
+from skfem_contact.arrays import Array, entries, largest
 from skfem_contact.bodies.body import Body
-from skfem_contact.carried import carried
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface, point_labels, secondary_dofs
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid_motions
 from skfem_contact.linalg.resources import Limits, single_threaded
-from skfem_contact.once import Lock, once
-from skfem_contact.pairing.vectors import entries
 from skfem_contact.problem.choice import Choice, check_distributed, checked_linear
 from skfem_contact.problem.condensed import Condensed, PointProblem
 from skfem_contact.problem.seam import ContactProblem, PosedOn
 from skfem_contact.problem.substructure import Substructure, firmness
 from skfem_contact.problem.thresholds import MOST_TWINS
-from skfem_contact.sealed import seal
+from skfem_contact.records import Lock, once
+from skfem_contact.sealed import carried, seal
 
 if TYPE_CHECKING:
     from skfem_contact.problem.full import FullSystem

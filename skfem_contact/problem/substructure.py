@@ -28,9 +28,9 @@ from skfem_contact.linalg.dense_factors import cholesky, lu
 from skfem_contact.linalg.direct import Direct, IndefiniteFactor
 from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
 from skfem_contact.linalg.multifrontal.ordering import nodes_of
-from skfem_contact.once import Lock, once
 from skfem_contact.problem.seam import Source
 from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS, RECOVERED_AT_ONCE
+from skfem_contact.records import Lock, once
 
 logger = logging.getLogger("skfem_contact")
 
