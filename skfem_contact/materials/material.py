@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from skfem.helpers import ddot, trace
 
 from skfem_contact.arguments import check_switch, number, shown
 from skfem_contact.arrays import Array
 from skfem_contact.errors import InputError
-from skfem_contact.materials.tensors import deviator, dilatation, double, solid, symmetric, trace, unit
+from skfem_contact.materials.tensors import deviator, dilatation, solid, symmetric, unit
 
 State = Mapping[str, Array]
 
@@ -254,7 +255,7 @@ class Isotropic(Material):
 
     def stored(self, strain: Array) -> tuple[Array, Array]:
         """Energy by volume of a strain by Hooke's law, and that dissipated, which is none."""
-        energy = 0.5 * double(self.hooke(strain), strain)
+        energy = 0.5 * ddot(self.hooke(strain), strain)
         return energy, np.zeros_like(energy)
 
 

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from skfem.helpers import ddot
 
 from skfem_contact.arguments import PrintedAsCall, check_switch, numbers, with_known_keywords
 from skfem_contact.arrays import Array
@@ -27,7 +28,6 @@ from skfem_contact.materials.material import Isotropic, Split, State, take_numbe
 from skfem_contact.materials.tensors import (
     deviator,
     dilatation,
-    double,
     isotropic,
     logarithmic,
     solid,
@@ -145,7 +145,7 @@ class J2(PrintedAsCall, Isotropic, Split):
         d, mu = len(H), self.shear
         old, p = state["plastic_strain"], state["equivalent_plastic_strain"]
         xi = 2.0 * mu * deviator(symmetric(solid(H))) - (2.0 * mu + self.kinematic / 1.5) * old
-        q = np.sqrt(1.5 * double(xi, xi))
+        q = np.sqrt(1.5 * ddot(xi, xi))
         dp = np.zeros_like(q)
         grows = np.zeros_like(q)  # share of q that p takes in further loading
         flows = q > self.yields(p)[0]
@@ -191,8 +191,8 @@ class J2(PrintedAsCall, Isotropic, Split):
     def energy(self, H: Array, state: State) -> tuple[Array, Array]:
         strain = undeformed_axes(H) if self.finite_strain else symmetric(solid(H))
         strain = strain - state["plastic_strain"]
-        back = self.kinematic / 3.0 * double(state["plastic_strain"], state["plastic_strain"])
-        elastic = self.shear * double(deviator(strain), deviator(strain))
+        back = self.kinematic / 3.0 * ddot(state["plastic_strain"], state["plastic_strain"])
+        elastic = self.shear * ddot(deviator(strain), deviator(strain))
         growth = dilatation(H, self.finite_strain)[0]
         work = self._work(state["equivalent_plastic_strain"])
         return elastic + back + self.volumetric(growth)[0], work
