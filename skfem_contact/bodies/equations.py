@@ -255,6 +255,8 @@ class Continuum:
 class Forms:
     """The equations of a body from its residual and tangent, see `NonlinearBody`."""
 
+    material, mean_dilatation = None, False
+
     def __init__(
         self,
         basis: Any,

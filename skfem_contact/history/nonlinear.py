@@ -90,7 +90,8 @@ class NoAnswer(Exception):
     ) -> None:
         super().__init__(why)
         self.verdict = Verdict(advice=NO_DESCENT) if verdict is None else verdict
-        self.attempt = attempt
+        self.attempt, self.travel = attempt, 0.0 if attempt is None else attempt.travel
+        self.stopped = attempt is not None and attempt.stopped
 
 
 class Reached(NamedTuple):
@@ -168,13 +169,12 @@ class NonlinearSearch:
             try:
                 attempt = self._newton(part, parts.aim)
             except NoAnswer as none:
-                travel = 0.0 if none.attempt is None else none.attempt.travel
-                if parts.spent or (none.attempt is not None and none.attempt.stopped):
+                if parts.spent or none.stopped:
                     return self._refused(none, parts.done)
                 way.cuts += 1
                 # what slides too far in equal parts, as few as may be
-                parts.cut(AIM * np.ceil(travel / AIM) if travel > 1.0 else travel)
-                if travel > 1.0 and self._reached is not None:  # too far, but on the way
+                parts.cut(AIM * np.ceil(none.travel / AIM) if none.travel > 1.0 else 0.0)
+                if none.travel > 1.0 and self._reached is not None:  # too far, but on the way
                     trend = sealed((self._reached.u - self.placed.u) / part.share)
                     self.placed = replace(self.placed, trend=trend)
                 logger.info("step cut to %.4g of its size: %s", parts.share, none)
@@ -199,7 +199,7 @@ class NonlinearSearch:
                 there = self._stepped(part.target, now, attempt, u)
             except NoAnswer as none:
                 stiffer = [share for share in SHIFTS if share > shift]
-                if not stiffer or (none.attempt is not None and none.attempt.stopped):
+                if not stiffer or none.stopped:
                     raise
                 exact, shift = True, stiffer[0]
                 continue
@@ -214,13 +214,12 @@ class NonlinearSearch:
             attempt, own = self._judged(step, attempt, u, FAR if number == 1 else 1.0)
             self.advance.attempt = attempt
             if balanced and attempt.good:
-                if not self._stretched(on, own, attempt):
-                    self._arrive(part, attempt, now.placed)
-                    return attempt
-                now, step = now._replace(norm=most), replace(step, pairing=own)
+                self._come_to(attempt, part.target, now.placed, part.share)
+                self.remarks = remarks(attempt, now.placed)
+                return attempt
             # a pairing that has settled stays, and Newton's method is quick again; so does one on which
             # bodies have yet to come nearer: nothing bounds what is left where both change
-            elif own is not None and attempt.failure and (nearer or balanced):
+            if own is not None and attempt.failure and (nearer or balanced):
                 # residuals on two pairings are two things: no smaller one is asked for, but none that
                 # is larger than all before: without this a ball deep in a block ran away
                 now = now._replace(norm=most)
@@ -228,13 +227,6 @@ class NonlinearSearch:
             closing = closing or balanced  # contact alone is left, and is solved to its end from now on
             exact, step = closing, replace(step, known=attempt.state)
         raise self._unsettled(now, on, own)
-
-    def _stretched(self, on: Pairing, own: Pairing, attempt: Attempt) -> bool:
-        """Return whether areas, and the laws and pressures by them, are not those of the answer yet."""
-        if on is None or own is None:
-            return False
-        change = self.stepper.model.geometry.stretched(on[0], own[0], attempt.local)
-        return change > self.stepper.options.placement_tolerance
 
     def _unsettled(self, now: Reached, on: Pairing, own: Pairing) -> NoAnswer:
         """No answer after all iterates; where pairings lead to each other the point is named."""
@@ -278,6 +270,8 @@ class NonlinearSearch:
         own = self._pairing(step, u)
         assert own is not None
         mismatch = geometry.mismatch(step.pairing[0], own[0], attempt.local, by.barred)
+        # laws and pressures are by areas
+        mismatch = max(mismatch, geometry.stretched(step.pairing[0], own[0], attempt.local))
         if mismatch > by.options.placement_tolerance:
             failure = f"the pairing moves by {mismatch:.1e}"
             return replace(attempt, mismatch=mismatch, failure=failure), own
@@ -390,23 +384,19 @@ class NonlinearSearch:
         norm, most = float(np.linalg.norm(missing)), float(np.max(np.abs(missing)))
         return Reached(placed, forces, share, norm, most, limit, scale)
 
-    def _arrive(self, part: LoadStep, attempt: Attempt, there: Placed) -> None:
-        """Take a part of the step as it was found; from here on the bodies remember it."""
+    def _come_to(self, attempt: Attempt, case: LoadCase, there: Placed, share: float) -> None:
+        """Take what was found of a part of the step: from here on the bodies remember it."""
         light = self.stepper.model.with_tangents(there.stiffness)  # condensed only if asked for
-        found = Recovery.of(attempt)
-        self.recovery = replace(found, model=light, components=None, u=there.u)
-        self.advance.attempt = replace(attempt, case=part.target)
-        self.remarks = remarks(attempt, there)
-        trend = sealed((there.u - self.placed.u) / part.share)
-        self.placed = replace(there, trend=trend)
+        self.recovery = replace(Recovery.of(attempt), model=light, components=None, u=there.u)
+        self.advance.attempt = replace(attempt, case=case)
+        self.placed = replace(there, trend=sealed((there.u - self.placed.u) / share))
 
     def _refused(self, none: NoAnswer, share: float) -> Verdict:
         """Why there is no answer, with the share of the step that was reached."""
         attempt = vars(self.advance).get("attempt")
         if attempt is not None:
-            self.placed = self._reached or self.placed
-            self.recovery = replace(Recovery.of(attempt), u=self.placed.u)
-            self.advance.attempt = replace(attempt, failure=str(none), case=self.step.target)
+            failed = replace(attempt, failure=str(none))
+            self._come_to(failed, self.step.target, self._reached or self.placed, 1.0)
         carries = f"The bodies bear up to {share:.4g} of this step" + _load(self.step, share) + ". "
         return replace(none.verdict, carries=carries, reached=attempt is not None)
 
