@@ -42,7 +42,7 @@ from skfem_contact.records import dataclass
     alpha="write expansion",
 )
 @dataclass(frozen=True, eq=False)
-class Elastic(PrintedAsCall, Isotropic):
+class Elastic(Isotropic):
     r"""Linear isotropic elasticity: ``sigma = lambda tr(eps - eps_T) 1 + 2 mu (eps - eps_T)``.
 
     Plane strain, axisymmetric, solid. `Body` takes it in the place of a form, `NonlinearBody` as a
@@ -71,8 +71,6 @@ class Elastic(PrintedAsCall, Isotropic):
     [282.69, 121.15, 121.15]
     """
 
-    E: float
-    nu: float
     density: float = field(default=0.0, kw_only=True)
     expansion: float = field(default=0.0, kw_only=True)
 
@@ -163,7 +161,7 @@ def _strain(u: Any, w: Any, axisymmetric: bool) -> Array:
 
 @with_known_keywords()
 @dataclass(frozen=True, eq=False)
-class SaintVenantKirchhoff(PrintedAsCall, Isotropic):
+class SaintVenantKirchhoff(Isotropic):
     """Linear elasticity of Green's strain, ``W = lambda/2 (tr E)^2 + mu E : E``.
 
     For metals and others that turn by large angles and strain little: under strong pressure it
@@ -184,9 +182,6 @@ class SaintVenantKirchhoff(PrintedAsCall, Isotropic):
     >>> float(abs(stress).max())
     0.0
     """
-
-    E: float
-    nu: float
 
     finite_strain = True
 
@@ -215,7 +210,7 @@ def second(C: Array, d: int) -> tuple[Array, Any, Any]:
     return 0.5 * (I1**2 - ddot(C, C)), 2.0 * (I1 * unit(2) - C), bend
 
 
-class Hyperelastic(Split):
+class Hyperelastic(PrintedAsCall, Split):
     """What the materials here have in common."""
 
     finite_strain = True
@@ -260,7 +255,7 @@ class Hyperelastic(Split):
 
 @with_known_keywords()
 @dataclass(frozen=True, eq=False)
-class NeoHooke(PrintedAsCall, Hyperelastic):
+class NeoHooke(Hyperelastic):
     r"""Compressible neo-Hooke: ``W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2``.
 
     Plane strain, axisymmetric, solid. ``lambda = bulk - 2/3 shear``: small strains are those of linear
@@ -303,7 +298,7 @@ class NeoHooke(PrintedAsCall, Hyperelastic):
 
 @with_known_keywords()
 @dataclass(frozen=True, eq=False)
-class MooneyRivlin(PrintedAsCall, Hyperelastic):
+class MooneyRivlin(Hyperelastic):
     r"""Rubber that nearly keeps its volume.
 
     ``W = C10 (J^-2/3 I1 - 3) + C01 (J^-4/3 I2 - 3) + bulk/2 (J - 1)^2``. Plane strain, axisymmetric,

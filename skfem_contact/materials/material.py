@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from skfem.helpers import ddot, trace
 
-from skfem_contact.arguments import check_switch, number, shown
+from skfem_contact.arguments import PrintedAsCall, check_switch, number, shown
 from skfem_contact.arrays import Array
 from skfem_contact.errors import InputError
 from skfem_contact.materials.tensors import deviator, dilatation, solid, symmetric, unit
+from skfem_contact.records import dataclass
 
 State = Mapping[str, Array]
 
@@ -224,7 +225,8 @@ class FromFelupe(FromFunction):
         return stress, A[:d, :d, :d, :d], dict(zip(state, (strain, stress, *z), strict=True))
 
 
-class Isotropic(Material):
+@dataclass(frozen=True, eq=False)
+class Isotropic(PrintedAsCall, Material):
     """A material with Young's modulus `E` and Poisson's ratio `nu` at small strains."""
 
     E: float

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from skfem.helpers import ddot
 
-from skfem_contact.arguments import PrintedAsCall, check_switch, numbers, with_known_keywords
+from skfem_contact.arguments import check_switch, numbers, with_known_keywords
 from skfem_contact.arrays import Array
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError, MaterialError
@@ -46,7 +46,7 @@ USAGE = "give a number, rows of stress and plastic strain, or a function"
     hardening="write kinematic, or a table as yield_stress", sigma_y="write yield_stress"
 )
 @dataclass(frozen=True, eq=False)
-class J2(PrintedAsCall, Isotropic, Split):
+class J2(Isotropic, Split):
     """Von Mises plasticity with isotropic and linear kinematic hardening.
 
     Plane strain, axisymmetric, solid. On elements of first order the change of volume is the mean of
@@ -93,8 +93,6 @@ class J2(PrintedAsCall, Isotropic, Split):
     ([[149.6]], [[0.00182]])
     """
 
-    E: float
-    nu: float
     yield_stress: Any
     kinematic: float = field(default=0.0, kw_only=True)
     finite_strain: bool = field(default=False, kw_only=True)
