@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import block_diag, csr_matrix
 
 from skfem_contact.arrays import Array, largest
 from skfem_contact.bodies.member import State
@@ -80,9 +80,9 @@ class Placed:
             A body has no answer.
         """
         stiffness, states = list(self.stiffness), list(self.material)
-        rims: csr_matrix | None = None
         internal, beyond = np.zeros((2, system.n))
         bodies: tuple[Any, ...] = system.bodies  # those with fluids are not linear
+        odd = [csr_matrix((body.n, body.n)) for body in bodies]
         for i, body in enumerate(bodies):
             part = system.slice(body)
             if body.nonlinear:
@@ -92,7 +92,8 @@ class Placed:
             if i in fluid:
                 beyond[part], slope = fluid_beyond(body, fluid[i], u[part])
                 stiffness[i] = csr_matrix(stiffness[i] - 0.5 * (slope + slope.T))
-                rims = _with_rim(rims, system, part, slope)
+                odd[i] = _of_rims(body, slope)
+        rims = csr_matrix(block_diag(odd)) if any(half.nnz for half in odd) else None
         internal, beyond = sealed(internal - beyond), sealed(beyond)
         now = tuple(stiffness), internal, beyond, tuple(states), self.trend, rims
         return Placed(sealed(u), *now)
@@ -151,18 +152,13 @@ def fluid_beyond(body: Any, pressures: Array, u: Array) -> tuple[Array, csr_matr
     return load - body.pressed(pressures)[0], slope
 
 
-def _with_rim(
-    rims: csr_matrix | None, system: System, part: slice, slope: csr_matrix
-) -> csr_matrix | None:
-    """With the half of the derivative of a body's load that is not symmetric, where it is any."""
-    odd, free = coo_matrix(0.5 * (slope - slope.T)), np.ones(system.n, dtype=bool)
-    free[system.D] = False
-    row, column = odd.row + part.start, odd.col + part.start
-    some = free[row] & (np.abs(odd.data) > COMPUTED * largest(np.abs(slope.data)))
-    if not some.any():
-        return rims
-    found = csr_matrix((odd.data[some], (row[some], column[some])), shape=(system.n, system.n))
-    return found if rims is None else csr_matrix(rims + found)
+def _of_rims(body: Any, slope: csr_matrix) -> csr_matrix:
+    """The half of the derivative of a body's load that is not symmetric, but what supports bear."""
+    odd = csr_matrix(0.5 * (slope - slope.T))
+    row = np.repeat(np.arange(body.n), np.diff(odd.indptr))
+    odd.data[np.isin(row, body.D) | (np.abs(odd.data) <= COMPUTED * largest(np.abs(slope.data)))] = 0.0
+    odd.eliminate_zeros()
+    return odd
 
 
 def point_forces(kin: Kinematics, state: LocalState) -> Array:

@@ -76,8 +76,7 @@ class Gradients:
         self.d = int(basis.mesh.dim())
         G = shape_gradients(basis, None).transpose(2, 1, 3, 0)
         self.dx = point_volumes(basis, None)
-        if measure is not None or axisymmetric:
-            x = np.asarray(basis.mapping.F(basis.X, None))
+        x = np.asarray(basis.mapping.F(basis.X, None))
         if measure is not None:
             self.dx = self.dx * measure(x)
         if axisymmetric:

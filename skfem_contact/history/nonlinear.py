@@ -264,18 +264,17 @@ class NonlinearSearch:
         by, geometry = self.stepper, self.stepper.model.geometry
         if step.pairing is None:
             return attempt, None
-        attempt = travelled(by, attempt, far)
-        if attempt.failure:
-            raise NoAnswer(attempt.failure, attempt=attempt)
-        own = self._pairing(step, u)
-        assert own is not None
-        mismatch = geometry.mismatch(step.pairing[0], own[0], attempt.local, by.barred)
-        # laws and pressures are by areas
-        mismatch = max(mismatch, geometry.stretched(step.pairing[0], own[0], attempt.local))
-        if mismatch > by.options.placement_tolerance:
-            failure = f"the pairing moves by {mismatch:.1e}"
-            return replace(attempt, mismatch=mismatch, failure=failure), own
-        attempt = settled(by, attempt, own[0], mismatch)
+        attempt, own = travelled(by, attempt, far), None
+        if not attempt.failure:
+            own = self._pairing(step, u)
+            assert own is not None
+            both = step.pairing[0], own[0], attempt.local
+            # of areas too, which laws and pressures are by
+            mismatch = max(geometry.mismatch(*both, by.barred), geometry.stretched(*both))
+            if mismatch > by.options.placement_tolerance:
+                failure = f"the pairing moves by {mismatch:.1e}"
+                return replace(attempt, mismatch=mismatch, failure=failure), own
+            attempt = settled(by, attempt, own[0], mismatch)
         if attempt.failure:
             raise NoAnswer(attempt.failure, attempt=attempt)
         return attempt, own

@@ -116,10 +116,9 @@ class Elastic(Isotropic):
 
         def energy(u: Any, v: Any, w: Any) -> Any:
             a, b = (_strain(field, w, axisymmetric) for field in (u, v))
-            density = lam * trace(a) * trace(b) + 2.0 * mu * ddot(a, b)
-            return density if measure is None else density * measure(w.x)
+            return lam * trace(a) * trace(b) + 2.0 * mu * ddot(a, b)
 
-        return BilinearForm(energy)
+        return BilinearForm(_weighed(energy, measure))
 
     def weight(
         self, acceleration: ArrayLike, measure: Callable[[Array], Array] | None = None
@@ -128,10 +127,9 @@ class Elastic(Isotropic):
         g = np.asarray(acceleration, dtype=float)
 
         def load(v: Any, w: Any) -> Any:
-            force = self.density * sum(g[i] * v[i] for i in range(len(g)))
-            return force if measure is None else force * measure(w.x)
+            return self.density * sum(g[i] * v[i] for i in range(len(g)))
 
-        return LinearForm(load)
+        return LinearForm(_weighed(load, measure))
 
     def warmed(
         self,
@@ -144,11 +142,14 @@ class Elastic(Isotropic):
 
         def load(v: Any, w: Any) -> Any:
             T = temperature(w.x) if callable(temperature) else temperature
-            stress = 3.0 * self.bulk * self.expansion * T
-            work = stress * trace(_strain(v, w, axisymmetric))
-            return work if measure is None else work * measure(w.x)
+            return 3.0 * self.bulk * self.expansion * T * trace(_strain(v, w, axisymmetric))
 
-        return LinearForm(load)
+        return LinearForm(_weighed(load, measure))
+
+
+def _weighed(work: Callable[..., Any], measure: Callable[[Array], Array] | None) -> Callable[..., Any]:
+    """The work of a form with the weight of the area."""
+    return work if measure is None else lambda *fields: work(*fields) * measure(fields[-1].x)
 
 
 def _strain(u: Any, w: Any, axisymmetric: bool) -> Array:
