@@ -21,9 +21,10 @@ from skfem.helpers import ddot, trace
 from skfem_contact.arguments import PrintedAsCall, with_known_keywords
 from skfem_contact.arrays import Array
 from skfem_contact.errors import InputError
-from skfem_contact.materials.material import Isotropic, Split, State, take_numbers
+from skfem_contact.materials.material import Material, Split, State, take_numbers
 from skfem_contact.materials.tensors import (
     deformation,
+    deviator,
     dilatation,
     first_piola,
     green,
@@ -34,6 +35,53 @@ from skfem_contact.materials.tensors import (
     unit,
 )
 from skfem_contact.records import dataclass
+
+
+@dataclass(frozen=True, eq=False)
+class Isotropic(PrintedAsCall, Material):
+    """Hooke's law of the small strain or of Green's, by Young's modulus and Poisson's ratio."""
+
+    E: float
+    nu: float
+
+    def __post_init__(self) -> None:
+        take_numbers(self, E="give Young's modulus > 0", nu="give Poisson's ratio, -1 < nu < 0.5")
+        if not self.E > 0.0:
+            raise InputError(f"E = {self.E} is no modulus; it is finite and > 0.")
+        if not -1.0 < self.nu < 0.5:
+            raise InputError(
+                f"nu = {self.nu} is no Poisson's ratio of linear elasticity; it is > -1 and < 0.5."
+            )
+
+    @property
+    def bulk(self) -> float:
+        """Bulk modulus [stress]."""
+        return self.E / (3.0 * (1.0 - 2.0 * self.nu))
+
+    @property
+    def shear(self) -> float:
+        """Shear modulus [stress]."""
+        return self.E / (2.0 * (1.0 + self.nu))
+
+    def hooke(self, strain: Array) -> Array:
+        """Stress of a strain, both (3, 3, ...), by Hooke's law [stress]."""
+        return 2.0 * self.shear * deviator(strain) + self.bulk * trace(strain) * unit(strain.ndim - 2)
+
+    def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
+        tangent = isotropic(self.bulk, self.shear, len(H))[..., None, None]
+        stress = self.hooke(self._strain(H))
+        if self.finite_strain:
+            stress, tangent = first_piola(deformation(H)[0], stress, tangent)
+        return stress, tangent, {}
+
+    def energy(self, H: Array, state: State) -> tuple[Array, Array]:
+        strain = self._strain(H)
+        energy = 0.5 * ddot(self.hooke(strain), strain)
+        return energy, np.zeros_like(energy)
+
+    def _strain(self, H: Array) -> Array:
+        """Green's strain, or the small one, (3, 3, ...)."""
+        return green(H) if self.finite_strain else symmetric(solid(H))
 
 
 @with_known_keywords(
@@ -79,13 +127,6 @@ class Elastic(Isotropic):
         take_numbers(
             self, density="give the mass by volume", expansion="give the thermal strain by temperature"
         )
-
-    def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
-        tangent = isotropic(self.bulk, self.shear, len(H))[..., None, None]
-        return self.stress(H), tangent, {}
-
-    def energy(self, H: Array, state: State) -> tuple[Array, Array]:
-        return self.stored(symmetric(solid(H)))
 
     def stress(self, u: Any, temperature: ArrayLike = 0.0) -> Array:
         """Stress (3, 3, ...) of a displacement gradient (d, d, ...), or of a field with it as `grad`.
@@ -185,13 +226,6 @@ class SaintVenantKirchhoff(Isotropic):
     """
 
     finite_strain = True
-
-    def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
-        tangent = isotropic(self.bulk, self.shear, len(H))[..., None, None]
-        return (*first_piola(deformation(H)[0], self.hooke(green(H)), tangent), {})
-
-    def energy(self, H: Array, state: State) -> tuple[Array, Array]:
-        return self.stored(green(H))
 
 
 # -- rubber ----------------------------------------------------------------------------------------

@@ -24,7 +24,8 @@ from skfem_contact.arguments import check_switch, numbers, with_known_keywords
 from skfem_contact.arrays import Array
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError, MaterialError
-from skfem_contact.materials.material import Isotropic, Split, State, take_numbers
+from skfem_contact.materials.elastic import Isotropic
+from skfem_contact.materials.material import Split, State, take_numbers
 from skfem_contact.materials.tensors import (
     deviator,
     dilatation,
@@ -46,7 +47,7 @@ USAGE = "give a number, rows of stress and plastic strain, or a function"
     hardening="write kinematic, or a table as yield_stress", sigma_y="write yield_stress"
 )
 @dataclass(frozen=True, eq=False)
-class J2(Isotropic, Split):
+class J2(Split, Isotropic):
     """Von Mises plasticity with isotropic and linear kinematic hardening.
 
     Plane strain, axisymmetric, solid. On elements of first order the change of volume is the mean of
