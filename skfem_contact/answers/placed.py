@@ -60,7 +60,7 @@ class Placed:
     def of_start(cls, system: System, stiffness: Sequence[csr_matrix], start: Any) -> Placed:
         """Where a load step begins: undeformed, or at the end of a step before; not linearised yet."""
         states = tuple(body.initial_state for body in system.bodies)
-        u = trend = np.zeros(system.n)
+        u = trend = zero = np.zeros(system.n)
         if start is not None:
             u, states, trend = start.u, start.material, start.trend
             if not states:
@@ -68,7 +68,6 @@ class Placed:
                     "start has no internal variables of the bodies that are not linear here: it is a "
                     "state of linear ones. Begin without start, or with a state of this kind of bodies."
                 )
-        zero = np.zeros(system.n)
         return cls(u, tuple(stiffness), zero, zero, states, trend)
 
     def moved(self, system: System, u: Array, fluid: Mapping[int, Array]) -> Placed:
@@ -94,9 +93,8 @@ class Placed:
                 stiffness[i] = csr_matrix(stiffness[i] - 0.5 * (slope + slope.T))
                 odd[i] = _of_rims(body, slope)
         rims = csr_matrix(block_diag(odd)) if any(half.nnz for half in odd) else None
-        internal, beyond = sealed(internal - beyond), sealed(beyond)
-        now = tuple(stiffness), internal, beyond, tuple(states), self.trend, rims
-        return Placed(sealed(u), *now)
+        forces = sealed(internal - beyond), sealed(beyond)
+        return Placed(sealed(u), tuple(stiffness), *forces, tuple(states), self.trend, rims)
 
     def stiffened(self, undeformed: Sequence[csr_matrix], share: float) -> Placed:
         """With a share of the tangents of the undeformed bodies added to those of here."""
@@ -106,13 +104,6 @@ class Placed:
         stiffness = tuple(K if K is own else csr_matrix(K + share * own) for K, own in pairs)
         return replace(self, stiffness=stiffness)
 
-    def resisting(self, system: System, u: Array) -> Array:
-        """Return what the bodies as linearised here resist displacements u (n,) with, (n,) [force]."""
-        out = np.array(self.internal)
-        for part, K in zip(slices(system.offsets), self.stiffness, strict=True):
-            out[part] += K @ (u[part] - self.u[part])
-        return out
-
     def origin(self, model: LinearModel) -> Placed:
         """What the unknowns of the linear problem near here count from.
 
@@ -121,11 +112,10 @@ class Placed:
         their loads do: that is the same in all iterates.
         """
         system = model.system
-        u, forces = np.zeros(system.n), np.zeros(system.n)
+        u, forces = np.array(self.u), np.array(self.internal)
         for body in system.bodies:
-            if body.nonlinear or model.route != "condensed":
-                part = system.slice(body)
-                u[part], forces[part] = self.u[part], self.internal[part]
+            if not body.nonlinear and model.route == "condensed":
+                u[system.slice(body)] = forces[system.slice(body)] = 0.0
         return replace(self, u=u, internal=forces)
 
     def seen(self, case: LoadCase, kin: Kinematics, model: LinearModel) -> LoadCase:

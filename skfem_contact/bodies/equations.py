@@ -88,12 +88,11 @@ class Gradients:
     def of(self, u: Array) -> Array:
         """Displacement gradient (d, d, e, q) of displacements (n,); of three rows if axisymmetric."""
         values = u[self.basis.element_dofs].reshape(len(self.G), self.d, -1)
-        H = np.einsum("aie,ajqe->ijqe", values, self.G).swapaxes(2, 3)
-        if not self.axisymmetric:
-            return np.ascontiguousarray(H)
-        out = solid(np.ascontiguousarray(H[:, :2]))
-        out[2, 2] = H[0, 2]
-        return out
+        H = np.ascontiguousarray(np.einsum("aie,ajqe->ijqe", values, self.G).swapaxes(2, 3))
+        if self.axisymmetric:
+            H, hoop = solid(H[:, :2]), H[0, 2]
+            H[2, 2] = hoop
+        return H
 
     def _slots(self, i: int) -> list[tuple[int, int, int]]:
         """Directions j of G that the component i has, and the entry of a tensor for each."""

@@ -13,10 +13,10 @@ from skfem import ElementTetP1, ElementTriP1
 from skfem.assembly import BilinearForm, CellBasis, LinearForm
 
 from skfem_contact.arguments import check_switch, numbers, shown, with_known_keywords
-from skfem_contact.arrays import Array, check_finite, check_size, rectangular
+from skfem_contact.arrays import Array, check_finite
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.equations import Continuum, Differentiated, Forms, Gradients
-from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points
+from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points, load_of
 from skfem_contact.bodies.member import Linearized, State
 from skfem_contact.bodies.quadrature import LINEAR, scalar_element
 from skfem_contact.bodies.selection import boundary_dofs, check_not_lost
@@ -313,12 +313,7 @@ class NonlinearBody(Body):
         return np.asarray(f, dtype=float), K
 
     def _displacements(self, u: Any) -> Array:
-        if u is None:
-            return np.zeros(self.n)
-        values = np.asarray(rectangular(u, "u", f"not a vector of {self.n} numbers"), dtype=float)
-        check_size(values, self.n, "u", f"its body has {self.n} DOFs; take result.displacement(body)")
-        check_finite(values, "u", "DOF")
-        return values
+        return load_of(u, self.basis, "u, which has to be as result.displacement(body),")
 
     def _state(self, state: State | None) -> State:
         """Internal variables by name, in the order of the initial ones."""

@@ -39,13 +39,7 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError, MaterialError
-from skfem_contact.history.equilibrium import (
-    ARRIVED,
-    CORNERS,
-    EquilibriumSearch,
-    Verdict,
-    has_corners,
-)
+from skfem_contact.history.equilibrium import ARRIVED, CORNERS, EquilibriumSearch, Verdict, has_corners
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.refined import ROUGH, UNSOLVED, holds, refined, remarks, usable
 from skfem_contact.history.stepper import NOISE, Stepper
@@ -190,7 +184,7 @@ class NonlinearSearch:
     def _newton(self, part: LoadStep, aim: float) -> Attempt:
         """Solve one part of the load step; only where it arrives is `placed` another."""
         options, base = self.stepper.options, self.stepper.model
-        now, on, own = self._forecast(part), None, None
+        now, own = self._forecast(part), None
         step, secant = replace(part, pairing=self._pairing(part, now.placed.u)), Anderson()
         exact, closing, shift, left, most = True, False, 0.0, np.inf, 0.0
         for number in range(1, options.max_placements + 1):
@@ -206,7 +200,7 @@ class NonlinearSearch:
             nearer, left = there.share == 1.0 and there.norm < left, there.norm
             now, u, shift = there, there.placed.u, min(shift, SHIFTS[0])
             most = max(most, now.norm)
-            contact, on = len(attempt.outcome.trace), step.pairing
+            contact = len(attempt.outcome.trace)
             self.newton.append(Iteration(number, aim, now.most / now.scale, now.share, contact))
             logger.debug("%s", self.newton[-1])
             balanced = now.share == 1.0 and now.most <= now.limit and holds(attempt, u)
@@ -219,23 +213,25 @@ class NonlinearSearch:
                 return attempt
             # a pairing that has settled stays, and Newton's method is quick again; so does one on which
             # bodies have yet to come nearer: nothing bounds what is left where both change
-            if own is not None and attempt.failure and (nearer or balanced):
+            if attempt.failure and (nearer or balanced):
                 # residuals on two pairings are two things: no smaller one is asked for, but none that
                 # is larger than all before: without this a ball deep in a block ran away
-                now = now._replace(norm=most)
-                step = self._next(step, u, own, secant)
+                now, ahead = now._replace(norm=most), np.array(u)
+                dofs = base.geometry.surface_dofs
+                ahead[dofs] = secant.next(attempt.problem.u[dofs], u[dofs])
+                step = replace(step, pairing=self._pairing(step, ahead) if secant.active else own)
             closing = closing or balanced  # contact alone is left, and is solved to its end from now on
             exact, step = closing, replace(step, known=attempt.state)
-        raise self._unsettled(now, on, own)
+        raise self._unsettled(now, own)
 
-    def _unsettled(self, now: Reached, on: Pairing, own: Pairing) -> NoAnswer:
+    def _unsettled(self, now: Reached, own: Pairing) -> NoAnswer:
         """No answer after all iterates; where pairings lead to each other the point is named."""
         model, options, attempt = self.stepper.model, self.stepper.options, self.advance.attempt
-        left = f"{now.most / now.scale:.1e} of the largest force"
-        why = f"{options.max_placements} iterates left {left}"
-        if on is None or own is None or attempt.mismatch <= options.placement_tolerance:
+        why = f"{options.max_placements} iterates left {now.most / now.scale:.1e} of the largest force"
+        if own is None or attempt.mismatch <= options.placement_tolerance:
             return NoAnswer(why)
-        interface, point = model.interface, model.geometry.least_settled(on[0], own[0], attempt.local)
+        both = attempt.problem.kin, own[0], attempt.local
+        interface, point = model.interface, model.geometry.least_settled(*both)
         corners = has_corners(interface.contacts[interface.contact_of(point)])
         why += f"; {interface.point_words(point, own[0].points[point])} meets another partner"
         return NoAnswer(why, Verdict(advice=CORNERS) if corners else None)
@@ -249,14 +245,6 @@ class NonlinearSearch:
         before = None if step.pairing is None else step.pairing[0]
         return geometry.at(u, step.target, before), u
 
-    def _next(self, step: LoadStep, u: Array, own: Pairing, secant: Anderson) -> LoadStep:
-        """The step on another pairing: where secants lead from those of the last answers."""
-        assert step.pairing is not None
-        dofs = self.stepper.model.geometry.surface_dofs
-        ahead = np.array(u)
-        ahead[dofs] = secant.next(step.pairing[1][dofs], u[dofs])
-        return replace(step, pairing=self._pairing(step, ahead) if secant.active else own)
-
     def _judged(
         self, step: LoadStep, attempt: Attempt, u: Array, far: float
     ) -> tuple[Attempt, Pairing]:
@@ -268,7 +256,7 @@ class NonlinearSearch:
         if not attempt.failure:
             own = self._pairing(step, u)
             assert own is not None
-            both = step.pairing[0], own[0], attempt.local
+            both = attempt.problem.kin, own[0], attempt.local
             # of areas too, which laws and pressures are by
             mismatch = max(geometry.mismatch(*both, by.barred), geometry.stretched(*both))
             if mismatch > by.options.placement_tolerance:

@@ -156,11 +156,10 @@ def logarithmic(
     first, second = _first(values[:, None], values), _second(values[:d])
     # dS_ac = 1/2 D_acbd dC_bd: of the law, and of principal axes and stretches that change
     f, t, one = first[:d, :d], T[:d, :d], np.eye(d)
-    D = f[:, :, None, None] * f * A
     g = np.einsum("acb...,ab...->abc...", second, t)
     turns = np.einsum("abc...,cd->acbd...", g, one)
     turns = turns + turns.swapaxes(0, 1)
-    D = D + turns + turns.swapaxes(2, 3)
+    D = f[:, :, None, None] * f * A + turns + turns.swapaxes(2, 3)
     n = N[:d, :d]
     turn = np.einsum("ia...,jc...->ijac...", n, n)
     D = np.einsum("ijac...,acbd...,klbd...->ijkl...", turn, D, turn, optimize=True)
