@@ -127,13 +127,8 @@ class Placed:
                 forces[part] += (other - own) @ self.u[part]
         slipped = (kin.B_t @ self.u).reshape(case.slip0.shape)
         slipped[~model.interface.slipping] = 0.0  # their slips are no unknowns
-        return copied(
-            case,
-            f=case.f - forces,
-            x=case.x - self.u,
-            gap0=case.gap0 + kin.B_n @ self.u,
-            slip0=case.slip0 + slipped,
-        )
+        gap, slip = case.gap0 + kin.B_n @ self.u, case.slip0 + slipped
+        return copied(case, f=case.f - forces, x=case.x - self.u, gap0=gap, slip0=slip)
 
 
 def fluid_beyond(body: Any, pressures: Array, u: Array) -> tuple[Array, csr_matrix]:

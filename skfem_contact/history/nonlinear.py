@@ -158,8 +158,7 @@ class NonlinearSearch:
         parts = Bisection(options.max_cuts, SHORTER**options.max_cuts)
         part = self.step
         while True:
-            if parts.share < 1.0:
-                part = parts.of(self.step, part)
+            part = parts.of(self.step, part)
             try:
                 attempt = self._newton(part, parts.aim)
             except NoAnswer as none:
@@ -384,8 +383,10 @@ class NonlinearSearch:
         if attempt is not None:
             failed = replace(attempt, failure=str(none))
             self._come_to(failed, self.step.target, self._reached or self.placed, 1.0)
-        carries = f"The bodies bear up to {share:.4g} of this step" + _load(self.step, share) + ". "
-        return replace(none.verdict, carries=carries, reached=attempt is not None)
+        carries, before = f"The bodies bear up to {share:.4g} of this step", self.step.before.scale[0]
+        if before is not None and (target := self.step.target.factor) is not None:
+            carries += f" (a load factor of {before + share * (target - before):.4g})"
+        return replace(none.verdict, carries=carries + ". ", reached=attempt is not None)
 
 
 def _work(part: LoadStep, kin: Kinematics, trend: Array) -> float:
@@ -395,14 +396,6 @@ def _work(part: LoadStep, kin: Kinematics, trend: Array) -> float:
     pushed = (before.gap0[pressed] - target.gap0[pressed]) @ state.normal_force[pressed]
     rubbed = np.vdot((target.slip0 - before.slip0)[pressed], state.tangential_force[pressed])
     return float((target.f - before.f) @ trend + pushed + rubbed)
-
-
-def _load(step: LoadStep, share: float) -> str:
-    """The load factor at a share of a step, in words, where both ends have one."""
-    before, target = step.before.scale[0], step.target.factor
-    if target is None or before is None:
-        return ""
-    return f" (a load factor of {before + share * (target - before):.4g})"
 
 
 WEAR = (

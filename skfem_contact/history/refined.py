@@ -63,15 +63,10 @@ def refined(attempt: Attempt, u: Array, at: Placed) -> tuple[Attempt, Array]:
         f = attempt.case.f - at.internal - block_diag(at.stiffness) @ (u - at.u)
         f += point_forces(kin, attempt.local)
         f[attempt.model.system.D] = 0.0
-    slip = (kin.B_t @ u).reshape(answer.slip.shape) + attempt.seen.slip0
+    gap = kin.B_n @ u + attempt.seen.gap0
+    slip = (kin.B_t @ u).reshape(answer.slip.shape) + attempt.seen.slip0 - given.anchor
     law = given.offset + given.coupling * answer.normal_force[:, None] - answer.tangential_force
-    case = copied(
-        attempt.seen,
-        f=f,
-        x=np.zeros(len(u)),
-        gap0=kin.B_n @ u + attempt.seen.gap0,
-        slip0=slip - given.anchor,
-    )
+    case = copied(attempt.seen, f=f, x=np.zeros(len(u)), gap0=gap, slip0=slip)
     load = problem.load(case)
     conditions = replace(given, anchor=np.zeros(slip.shape), offset=law, rough=False)
     try:

@@ -170,9 +170,8 @@ class FromFunction(Material):
         self.function, self.finite_strain = function, finite_strain
         self.initial = dict(initial or {})
 
-    def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
-        stress, tangent, new = self.function(H, state)
-        return stress, tangent, new
+    def __call__(self, H: Array, state: State) -> Any:
+        return self.function(H, state)
 
 
 class FromFelupe(FromFunction):
