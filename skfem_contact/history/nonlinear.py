@@ -212,7 +212,7 @@ class NonlinearSearch:
                 return attempt
             # a pairing that has settled stays, and Newton's method is quick again; so does one on which
             # bodies have yet to come nearer: nothing bounds what is left where both change
-            if attempt.failure and (nearer or balanced):
+            if own is not None and attempt.failure and (nearer or balanced):
                 # residuals on two pairings are two things: no smaller one is asked for, but none that
                 # is larger than all before: without this a ball deep in a block ran away
                 now, ahead = now._replace(norm=most), np.array(u)

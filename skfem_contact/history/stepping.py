@@ -105,7 +105,7 @@ class Bisection:
 
     def of(self, step: LoadStep, part: LoadStep) -> LoadStep:
         """The part of a step that is attempted next, which begins where `part` does."""
-        if self.share == 1.0:
+        if self.share == 1.0:  # the whole step
             return part
         target = step.before.towards(step.target, self.aim)
         return replace(part, target=target, share=self.aim - self.done)
