@@ -21,12 +21,11 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.discretisation import pair
 from skfem_contact.conditions.friction_rule import friction_bound
-from skfem_contact.conditions.state import OPEN, STICK, LocalState
+from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import ContactError, LinearSolveError, SingularMatrix
 from skfem_contact.history.load_step import Attempt, Recovery
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
-from skfem_contact.problem.seam import Response
 from skfem_contact.sealed import copied
 
 #: Routes whose linear problems are iterated.
@@ -55,24 +54,20 @@ def refined(attempt: Attempt, u: Array, at: Placed) -> tuple[Attempt, Array]:
     with the same points closed (iterative refinement); where the linear problem itself was iterated,
     with the forces that are missing to its equilibrium as well.
     """
-    problem, it, rough = attempt.problem, attempt.outcome.iterate, attempt.model.route in ROUGH
-    answer, given = it.response, it.conditions
+    problem, rough = attempt.problem, attempt.model.route in ROUGH
+    answer, given = attempt.outcome.iterate.response, attempt.outcome.iterate.conditions
     by_forces = rough or problem.source(attempt.load, answer).forces
     if problem.springs is not None or not by_forces:
         return attempt, u
     kin, f = problem.kin, np.zeros(len(u))
     if rough:
-        f = attempt.case.f - at.resisting(attempt.model.system, u) + point_forces(kin, attempt.local)
+        f = attempt.case.f - at.internal - block_diag(at.stiffness) @ (u - at.u)
+        f += point_forces(kin, attempt.local)
         f[attempt.model.system.D] = 0.0
-    slip = (kin.B_t @ u).reshape(answer.slip.shape) + attempt.seen.slip0
+    gap = kin.B_n @ u + attempt.seen.gap0
+    slip = (kin.B_t @ u).reshape(answer.slip.shape) + attempt.seen.slip0 - given.anchor
     law = given.offset + given.coupling * answer.normal_force[:, None] - answer.tangential_force
-    case = copied(
-        attempt.seen,
-        f=f,
-        x=np.zeros(len(u)),
-        gap0=kin.B_n @ u + attempt.seen.gap0,
-        slip0=slip - given.anchor,
-    )
+    case = copied(attempt.seen, f=f, x=np.zeros(len(u)), gap0=gap, slip0=slip)
     load = problem.load(case)
     conditions = replace(given, anchor=np.zeros(slip.shape), offset=law, rough=False)
     try:
@@ -81,7 +76,20 @@ def refined(attempt: Attempt, u: Array, at: Placed) -> tuple[Attempt, Array]:
         return attempt, u
     more = replace(Recovery.of(attempt), found=problem.source(load, left), components=load.components)
     du = replace(more, case=case, shift=None)()
-    return replace(attempt, local=_moved(attempt, left, du)), u + du
+    local, dofs = attempt.local, attempt.model.geometry.surface_dofs
+    closed = local.status != OPEN
+    modelled = attempt.model.interface.slipping[:, None]  # of others slips are no unknowns
+    slip = local.slip + np.where(modelled, left.slip + given.anchor - answer.slip, 0.0)
+    local = replace(
+        local,
+        gap=np.where(closed, local.gap, left.gap),
+        slip=slip,
+        reference=np.where(closed[:, None], local.reference, slip),
+        normal_force=local.normal_force + np.where(closed, left.normal_force, 0.0),
+        tangential_force=local.tangential_force + np.where(closed[:, None], left.tangential_force, 0.0),
+        surface=local.surface + du[dofs] if len(local.surface) else local.surface,
+    )
+    return replace(attempt, local=local), u + du
 
 
 def usable(attempt: Attempt, u: Array) -> bool:
@@ -90,9 +98,8 @@ def usable(attempt: Attempt, u: Array) -> bool:
     They follow from matrices that may have no digits, where bodies flow or buckle. What is seen
     through springs comes to its place by and by, in the iterates that follow.
     """
-    if not np.all(np.isfinite(u)):
-        return False
-    return not attempt.outcome.converged or attempt.problem.springs is not None or holds(attempt, u)
+    ends = attempt.outcome.converged and attempt.problem.springs is None
+    return bool(np.isfinite(u).all()) and (not ends or holds(attempt, u))
 
 
 def holds(attempt: Attempt, u: Array) -> bool:
@@ -103,25 +110,6 @@ def holds(attempt: Attempt, u: Array) -> bool:
     slip = (kin.B_t @ u).reshape(seen.slip0.shape) + seen.slip0 - local.slip
     wrong = np.append(wrong, slip[local.tangential_force != 0])
     return largest(np.abs(wrong)) <= SOLVED * max(attempt.model.system.extent, largest(np.abs(u)))
-
-
-def _moved(attempt: Attempt, left: Response, du: Array) -> LocalState:
-    """The state of an attempt after what was left has been solved for as well."""
-    local, it = attempt.local, attempt.outcome.iterate
-    closed, dofs = local.status != OPEN, attempt.model.geometry.surface_dofs
-    modelled = attempt.model.interface.slipping[:, None]  # of others slips are no unknowns
-    slip = left.slip + it.conditions.anchor - it.response.slip
-    slip = local.slip + np.where(modelled, slip, 0.0)
-    surface = local.surface + du[dofs] if len(local.surface) else local.surface
-    return replace(
-        local,
-        gap=np.where(closed, local.gap, left.gap),
-        slip=slip,
-        reference=np.where(closed[:, None], local.reference, slip),
-        normal_force=local.normal_force + np.where(closed, left.normal_force, 0.0),
-        tangential_force=local.tangential_force + np.where(closed[:, None], left.tangential_force, 0.0),
-        surface=surface,
-    )
 
 
 def remarks(attempt: Attempt, placed: Placed) -> dict[str, str]:
