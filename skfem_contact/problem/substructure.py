@@ -425,7 +425,7 @@ class Substructures:
         self.spans, self.substructures = slices(system.offsets), list[Any]()
         for i, body in enumerate(system.bodies):
             part = reuse[i] if len(reuse) else None
-            if not isinstance(part, self.kind):
+            if type(part) is not self.kind:
                 firm = firmness(system, stiffness, wanted) if len(body.rotations) else 0.0
                 mine = wanted_of(body, self.spans[i], wanted)
                 part = self.kind(body, stiffness[i], mine, firm, self.backend, system.modes(i))
