@@ -27,8 +27,8 @@ class AMG(Backend):
     Parameters
     ----------
     tol : float
-        Largest ``|b - A x| / |b|`` accepted, of each part of the equations that no entry of A couples
-        with the others.
+        Largest ``|b - A x| / |b|`` accepted, and of each part of the equations that no entry of A
+        couples with the others.
     max_iterations : int
         More raise `LinearSolveError`. Well posed problems need 10 to 60.
 
@@ -72,8 +72,9 @@ class AMG(Backend):
 
         def solve(b: np.ndarray) -> np.ndarray:
             sizes = sizes_of_parts(part, b)
-            found = method(A, divided(b, sizes), grids.cycle, self.tol, self.max_iterations)
-            return np.asarray(sizes * found)
+            b = divided(b, sizes)
+            tol = self.tol / max(float(np.linalg.norm(b)), 1.0)  # of which it is a share
+            return np.asarray(sizes * method(A, b, grids.cycle, tol, self.max_iterations))
 
         return Factorisation("AMG + CG" if spd else "AMG + GMRES", grids.memory, by_column(solve))
 

@@ -1,8 +1,8 @@
 """GMRES with a preconditioner from the right: its residual is that of the equations themselves.
 
-Equations may fall into parts that nothing couples, as those of bodies that do not touch. Iterations end
-where the residual of all is small: that of a light load beside a heavy one counted for nothing. Each part
-is divided by its own load (`sizes_of_parts`), which changes nothing of the equations.
+Equations may fall into parts that nothing couples, as those of bodies that do not touch. Iterations
+end where the residual of all is small: that of a light load beside a heavy one counts for nothing. So
+each part is divided by its own load (`sizes_of_parts`), which changes nothing of the equations.
 
 Anderson's secants accelerate fixed points.
 """
@@ -22,9 +22,9 @@ Operator = Callable[[Array], Array]
 
 
 def sizes_of_parts(part: Index, terms: Array) -> Array:
-    """Return the divisors of equations (n,) that make all parts alike, and all together of size one.
+    """Return the size of what acts on the part that each equation belongs to, (n,).
 
-    They are zero in parts where nothing acts, whose solution is zero.
+    It is zero in parts where nothing acts, whose solution is zero.
 
     Parameters
     ----------
@@ -38,8 +38,7 @@ def sizes_of_parts(part: Index, terms: Array) -> Array:
     >>> sizes_of_parts(np.array([0, 0, 1]), np.array([3e8, 4e8, 0.0]))
     array([5.e+08, 5.e+08, 0.e+00])
     """
-    sizes = np.sqrt(np.bincount(part, terms**2))
-    return np.asarray(np.sqrt(np.count_nonzero(sizes)) * sizes[part])
+    return np.asarray(np.sqrt(np.bincount(part, terms**2))[part])
 
 
 def divided(x: Array, sizes: Array) -> Array:

@@ -316,7 +316,7 @@ class Substructure:
         return np.asarray(self._factor.reduce_load(self.free_load(f, x)))
 
     def changed_load(self, f: Array, x: Array) -> Array:
-        """The same of a load that other bodies may be loaded beside again: the last one is remembered."""
+        """The same; the last load is remembered, as it may stay while those of other bodies change."""
         last = self._last
         if last is None or not (same(f, last[0]) and same(x, last[1])):
             last = self._last = f.copy(), x.copy(), self.other_load(f, x)
