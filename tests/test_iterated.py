@@ -264,10 +264,10 @@ def test_gmres_begins_at_zero_where_that_is_nearer():
 ITERATIVE = [sc.linalg.AMG(), "iterated"]
 
 
-def on_block(place=0.0, **given):
+def on_block(place=0.0, n=9, **given):
     """A block on another one, which supports hold; the lower one is larger."""
-    low = rectangles.block(f"low {place}", (place - 2, place + 2), (-1, 0), (16, 4), D="bottom")
-    up = rectangles.block(f"up {place}", (place - 1, place + 1), (0, 1), (9, 4), **given)
+    low = rectangles.block(f"low {place}", (place - 2, place + 2), (-1, 0), (2 * n - 2, 4), D="bottom")
+    up = rectangles.block(f"up {place}", (place - 1, place + 1), (0, 1), (n, 4), **given)
     rough = {"friction": sc.Coulomb(0.3), "name": f"foot {place}"}
     return [low, up], sc.Contact(up.surface("bottom"), low.surface("top"), **rough)
 
@@ -275,7 +275,10 @@ def on_block(place=0.0, **given):
 @pytest.mark.parametrize("linear", ITERATIVE, ids=["AMG", "iterated"])
 def test_a_light_load_beside_a_heavy_one(linear):
     """Bodies that do not touch have the digits that they have alone, whatever acts on the others."""
-    heavy, light = on_block(0.0, f={"top": (1e-3, -1e-2)}), on_block(9.0, f={"top": (1e-9, -1e-8)})
+    heavy, light = (
+        on_block(place, 17, f={"top": (1e-3 * part, -1e-2 * part)})
+        for place, part in ((0.0, 1.0), (9.0, 1e-8))
+    )
     alone = sc.ContactSolver(light[0], light[1], linear="condensed").solve()
     both = sc.ContactSolver([*heavy[0], *light[0]], [heavy[1], light[1]], linear=linear).solve()
     size = np.abs(alone.forces).max()
