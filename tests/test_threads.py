@@ -363,6 +363,34 @@ def test_directions_that_two_threads_add(places):
     assert span.eliminated.shape[1] == 3
 
 
+class Overtaken:
+    """What loads are known along: another solve comes each time before it is read."""
+
+    def __init__(self):
+        self.others = []
+
+    def __get__(self, bodies, kind):
+        if bodies is not None and self.others:
+            self.others.pop(0)()
+        return None if bodies is None else vars(bodies).get("known")
+
+    def __set__(self, bodies, value):
+        vars(bodies)["known"] = value
+
+
+@pytest.mark.parametrize("after", range(4))
+def test_what_is_known_along_loads_is_that_of_one_solve(monkeypatch, after):
+    """While one thread has found that it fits its load, another one has put more directions there."""
+    known, solver, loads = Overtaken(), plane(), moves(plane(), 12)
+    expected = [plane().solve(**load) for load in (loads[0], loads[4])]
+    internals.replace(monkeypatch, "problem.Condensed._along", known)
+    solver.solve(**loads[0])
+    other = lambda: solver.solve(**loads[8])  # noqa: E731 (with a force that is unlike the others)
+    known.others = [*after * [lambda: None], other]
+    assert_same([solver.solve(**loads[0])], expected[:1])
+    assert_same([solver.solve(**loads[4])], expected[1:])
+
+
 def test_a_failure_is_every_thread_s(monkeypatch):
     """Where the factorisation fails all threads hear of it, and none waits for ever."""
 
