@@ -52,9 +52,9 @@ from skfem_contact.linalg.resources import Limits
 from skfem_contact.loops.driver import LOOPS, Options
 from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.rigid_body import RigidBody
-from skfem_contact.once import Lock
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.substructure import Substructure
+from skfem_contact.records import Lock
 from skfem_contact.sealed import carried, sealed
 
 if TYPE_CHECKING:
