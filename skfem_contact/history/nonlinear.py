@@ -203,7 +203,7 @@ class NonlinearSearch:
             logger.debug("%s", self.newton[-1])
             balanced = now.share == 1.0 and now.most <= now.limit and holds(attempt, u)
             self._reached, self.advance.attempt = now.placed, attempt
-            attempt, own = self._judged(step, attempt, u, FAR if number == 1 else 1.0)
+            attempt, own = self._judged(step, attempt, u, FAR if number == 1 else 1.0, balanced)
             self.advance.attempt = attempt
             if balanced and attempt.good:
                 self._come_to(attempt, part.target, now.placed, part.share)
@@ -211,12 +211,12 @@ class NonlinearSearch:
                 return attempt
             # a pairing that has settled stays, and Newton's method is quick again; so does one on which
             # bodies have yet to come nearer: nothing bounds what is left where both change
-            if own is not None and attempt.failure and (nearer or balanced):
+            at, dofs = attempt.problem.u, base.geometry.surface_dofs
+            if at is not None and attempt.failure and (nearer or balanced):
                 # residuals on two pairings are two things: no smaller one is asked for, but none that
                 # is larger than all before: without this a ball deep in a block ran away
                 now, ahead = now._replace(norm=most), np.array(u)
-                dofs = base.geometry.surface_dofs
-                ahead[dofs] = secant.next(attempt.problem.u[dofs], u[dofs])
+                ahead[dofs] = secant.next(at[dofs], u[dofs])
                 step = replace(step, pairing=self._pairing(step, ahead) if secant.active else own)
             closing = closing or balanced  # contact alone is left, and is solved to its end from now on
             exact, step = closing, replace(step, known=attempt.state)
@@ -244,7 +244,7 @@ class NonlinearSearch:
         return geometry.at(u, step.target, before), u
 
     def _judged(
-        self, step: LoadStep, attempt: Attempt, u: Array, far: float
+        self, step: LoadStep, attempt: Attempt, u: Array, far: float, balanced: bool
     ) -> tuple[Attempt, Pairing]:
         """The attempt beside the pairing of its own answer, where contact slides far; that pairing."""
         by, geometry = self.stepper, self.stepper.model.geometry
@@ -255,8 +255,9 @@ class NonlinearSearch:
             own = self._pairing(step, u)
             assert own is not None
             both = attempt.problem.kin, own[0], attempt.local
-            # of areas too, which laws and pressures are by
-            mismatch = max(geometry.mismatch(*both, by.barred), geometry.stretched(*both))
+            mismatch = geometry.mismatch(*both, by.barred)
+            if balanced:  # areas too are to be those of the answer: laws and pressures are by them
+                mismatch = max(mismatch, geometry.stretched(*both))
             if mismatch > by.options.placement_tolerance:
                 failure = f"the pairing moves by {mismatch:.1e}"
                 return replace(attempt, mismatch=mismatch, failure=failure), own
