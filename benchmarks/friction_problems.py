@@ -36,7 +36,8 @@ from scipy.linalg import LinAlgError
 from scipy.sparse import block_array, csr_matrix
 
 import skfem_contact as sc
-from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
+from skfem_contact.conditions.friction import CheckedLaw
+from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN, STICK, LocalState
 from skfem_contact.errors import SingularMatrix

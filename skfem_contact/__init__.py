@@ -18,8 +18,7 @@ From the solver to the law of friction a load step passes, in this order::
     loops/driver              drive                    counts iterations, and stops them
     loops/active_set          newton                   solves for a set of points, and corrects it
     loops/step                Projection.proposal      what the answer asks every point to change to
-    conditions/friction_rule  FrictionRule             bounds and forces of all laws
-    conditions/friction       radial_return            the force within its bound
+    conditions/friction_rule  FrictionRule             the force of all laws within its bound
 
 The packages stand in the order of the theory, and each imports only from those above it:
 

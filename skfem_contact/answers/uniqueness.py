@@ -56,8 +56,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import DIRECTIONS, FEW, SHARES, SHOWN
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.friction import Coulomb, Tresca
-from skfem_contact.conditions.friction_rule import CheckedLaw
+from skfem_contact.conditions.friction import CheckedLaw, Coulomb, Tresca
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.state import OPEN, SLIP
 from skfem_contact.digits import COMPUTED, SOLVED

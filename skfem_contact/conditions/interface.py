@@ -14,8 +14,14 @@ from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.contact import NO_SLIP, Contact
-from skfem_contact.conditions.friction import Archard, Coulomb, FrictionLaw, Tresca, check_points
-from skfem_contact.conditions.friction_rule import CheckedLaw
+from skfem_contact.conditions.friction import (
+    Archard,
+    CheckedLaw,
+    Coulomb,
+    FrictionLaw,
+    Tresca,
+    check_points,
+)
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.rows import compliance_scale
 from skfem_contact.errors import InputError

@@ -41,8 +41,7 @@ from functools import partial
 import numpy as np
 
 from skfem_contact.arrays import Array, Index, Mask, lengths
-from skfem_contact.conditions.friction import BEYOND
-from skfem_contact.conditions.friction_rule import grows
+from skfem_contact.conditions.friction_rule import BEYOND, grows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import DECIMALS, GIVEN, ROUND_OFF, SINGLE
 from skfem_contact.linalg.krylov import Anderson

@@ -30,8 +30,7 @@ from functools import cached_property
 import numpy as np
 
 from skfem_contact.arrays import Array, Index, Mask, lengths
-from skfem_contact.conditions.friction import BEYOND
-from skfem_contact.conditions.friction_rule import FrictionRule
+from skfem_contact.conditions.friction_rule import BEYOND, FrictionRule
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState
 from skfem_contact.digits import COMPUTED, GIVEN

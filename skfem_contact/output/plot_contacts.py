@@ -12,7 +12,7 @@ from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import known_keywords
 from skfem_contact.arrays import Array
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.friction_rule import CheckedLaw
+from skfem_contact.conditions.friction import CheckedLaw
 from skfem_contact.conditions.state import OPEN, STATUS
 from skfem_contact.output.drawing import (
     ABOVE,

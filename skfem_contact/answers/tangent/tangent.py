@@ -36,8 +36,8 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.arguments import numbers
 from skfem_contact.arrays import Array, Index, Mask, check_size, largest, lengths, unit_vectors
 from skfem_contact.bodies.system import System
-from skfem_contact.conditions.friction import BEYOND, FrictionLaw
-from skfem_contact.conditions.friction_rule import FrictionRule
+from skfem_contact.conditions.friction import FrictionLaw
+from skfem_contact.conditions.friction_rule import BEYOND, FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import combined_rows, tangential_matrix
