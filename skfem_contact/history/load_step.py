@@ -23,8 +23,8 @@ from skfem_contact.loops.driver import Outcome
 from skfem_contact.loops.step import Record
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.model import LinearModel
-from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.seam import ContactProblem, Load, Response, Source, Workspace
+from skfem_contact.problem.points import Load, PointSpace, Response
+from skfem_contact.problem.seam import ContactProblem, Source, Workspace
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
 

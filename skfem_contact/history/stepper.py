@@ -28,7 +28,8 @@ from skfem_contact.loops.starts import (
 )
 from skfem_contact.loops.step import Step, friction_of_prescribed_slip
 from skfem_contact.problem.model import LinearModel
-from skfem_contact.problem.seam import ContactProblem, Load
+from skfem_contact.problem.points import Load
+from skfem_contact.problem.seam import ContactProblem
 from skfem_contact.records import dataclass
 
 # Round-off of contact forces over the terms that cancel where nothing presses.

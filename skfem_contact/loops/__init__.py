@@ -23,6 +23,7 @@ __getattr__, __dir__ = entrances(
     {
         "active_set": "direct fictitious linear_conditions newton stabilise",
         "driver": "LOOPS Stagnation drive",
+        "multipliers": "least_friction",
         "pulled": "At",
         "starts": "admissible as_guess natural_state possible_starts starting_values",
         "step": "Guess Projection Record Step friction_of_prescribed_slip",

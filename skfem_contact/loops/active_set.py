@@ -47,7 +47,7 @@ from skfem_contact.digits import DECIMALS, GIVEN, ROUND_OFF, SINGLE
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.multipliers import Iteration, through_springs
 from skfem_contact.loops.step import Guess, Iterate, LineSearch, Projection, Step, largest_force
-from skfem_contact.problem.seam import Conditions, odd_round_off
+from skfem_contact.problem.points import Conditions, odd_round_off
 from skfem_contact.records import dataclass
 
 # In the loop `fictitious` points open and close freely so often; after that only once the friction of

@@ -34,7 +34,7 @@ from skfem_contact.conditions.friction_rule import BEYOND, FrictionRule
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState
 from skfem_contact.digits import COMPUTED, GIVEN
-from skfem_contact.problem.seam import Conditions, LinearProblem, Load, Resistance, Response
+from skfem_contact.problem.points import Conditions, LinearProblem, Load, Resistance, Response
 from skfem_contact.records import dataclass
 
 

@@ -23,10 +23,10 @@ from skfem_contact.linalg.resources import Limits, single_threaded
 from skfem_contact.once import Lock, once
 from skfem_contact.pairing.vectors import entries
 from skfem_contact.problem.choice import Choice, check_distributed, checked_linear
-from skfem_contact.problem.condensed import Condensed, PointProblem
+from skfem_contact.problem.condensed import Condensed, firmness
 from skfem_contact.problem.seam import ContactProblem, PosedOn
-from skfem_contact.problem.substructure import Substructure, firmness
-from skfem_contact.problem.thresholds import MOST_TWINS
+from skfem_contact.problem.substructure import Substructure
+from skfem_contact.problem.zone import PointProblem
 from skfem_contact.sealed import seal
 
 if TYPE_CHECKING:
@@ -37,6 +37,10 @@ if TYPE_CHECKING:
 
 
 EVEN_CLOSED = "even with every contact point closed"
+
+
+# Sets of springs whose twins are kept: two weak ones, and some of single DOFs.
+MOST_TWINS = 6
 
 
 class LinearModel:

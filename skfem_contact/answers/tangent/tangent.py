@@ -48,8 +48,8 @@ from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.step import largest_force
-from skfem_contact.problem.points import Duals
-from skfem_contact.problem.seam import Conditions, Response, Source
+from skfem_contact.problem.points import Conditions, Duals, Response
+from skfem_contact.problem.seam import Source
 from skfem_contact.problem.zone import Zone, Zones
 
 #: Derivatives by name, of loads or points: (n,) or (m, width). What is not there is zero.
