@@ -51,7 +51,8 @@ from skfem_contact.history.refined import ROUGH, UNSOLVED, holds, refined, remar
 from skfem_contact.history.stepper import NOISE, Stepper
 from skfem_contact.history.stepping import AIM, FAR, LONGER, SHORTER, Bisection, settled, travelled
 from skfem_contact.linalg.krylov import Anderson
-from skfem_contact.loops.step import DECREASE, HALVINGS
+from skfem_contact.loops.active_set import DECREASE
+from skfem_contact.loops.step import HALVINGS
 from skfem_contact.problem.seam import Workspace
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed

@@ -19,6 +19,7 @@ from skfem_contact.conditions.state import OPEN, LocalState, State
 from skfem_contact.errors import ConstraintError
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.loops.active_set import friction_of_prescribed_slip
 from skfem_contact.loops.driver import LOOPS, Options, Outcome, drive
 from skfem_contact.loops.multipliers import Collision
 from skfem_contact.loops.starts import (
@@ -26,7 +27,7 @@ from skfem_contact.loops.starts import (
     possible_starts,
     starting_values,
 )
-from skfem_contact.loops.step import Step, friction_of_prescribed_slip
+from skfem_contact.loops.step import Step
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.points import Load
 from skfem_contact.problem.seam import ContactProblem

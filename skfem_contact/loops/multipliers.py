@@ -34,7 +34,8 @@ from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF, SOLVED
 from skfem_contact.elimination.pivoting import AGREEMENT
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.krylov import gmres
-from skfem_contact.loops.step import Guess, Iterate, Projection, Step, largest_force
+from skfem_contact.loops.active_set import Projection, largest_force
+from skfem_contact.loops.step import Guess, Iterate, Step
 from skfem_contact.problem.points import Response
 from skfem_contact.records import dataclass
 

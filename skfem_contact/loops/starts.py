@@ -32,8 +32,7 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState, State
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import SingularMatrix
-from skfem_contact.loops.active_set import newton
-from skfem_contact.loops.driver import NEWTON_ITERATIONS, Outcome, drive
+from skfem_contact.loops.driver import NEWTON_ITERATIONS, Outcome, drive, newton
 from skfem_contact.loops.pulled import IN_SERIES, Carried, after, pulled
 from skfem_contact.loops.step import Guess, Record, Step
 from skfem_contact.problem.points import Load, Resistance

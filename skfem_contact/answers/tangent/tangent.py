@@ -47,7 +47,7 @@ from skfem_contact.elimination.constraint import AffineConstraint, eliminate
 from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.loops.step import largest_force
+from skfem_contact.loops.active_set import largest_force
 from skfem_contact.problem.points import Conditions, Duals, Response
 from skfem_contact.problem.seam import Source
 from skfem_contact.problem.zone import Zone, Zones
