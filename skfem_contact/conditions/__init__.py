@@ -5,8 +5,8 @@
 * `contact`, `discretisation`, `kinematics`, `geometry`: one contact, its pairing, gaps and slips, and
   where they are when contact slides far; `rows`: their matrices, along the axes of friction, of rigid
   bodies too;
-* `loads`, `interface`, `state`: loads of a step, laws of all points, what friction remembers and
-  what that belongs to;
+* `interface`: laws of all points, and what a state belongs to; `state`: loads of a step, and what
+  friction remembers;
 * `motions`: what supports leave free, in words too, and whether contact holds it;
 * `checks`: what can be said before solving, of pairings and of axisymmetric bodies;
 """
@@ -31,10 +31,9 @@ __getattr__, __dir__ = entrances(
         "friction": "Archard CheckedLaw FrictionLaw steep_words unlawful",
         "friction_rule": "Derivatives FrictionRule radial_return",
         "kinematics": "Kinematics",
-        "loads": "LoadCase Motion",
         "motions": "RigidMotions escape null_space rigid_motions",
         "orthotropic": "combinations duals OrthotropicCoulomb",
         "rows": "combined_rows tangential_matrix",
-        "state": "LocalState transport",
+        "state": "LoadCase LocalState Motion transport",
     },
 )

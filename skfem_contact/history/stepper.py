@@ -13,9 +13,8 @@ from skfem_contact.arrays import Array, Mask
 from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule, jumps_open
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import balanced
-from skfem_contact.conditions.state import OPEN, LocalState, State
+from skfem_contact.conditions.state import OPEN, LoadCase, LocalState, State
 from skfem_contact.errors import ConstraintError
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.linalg.resources import single_threaded

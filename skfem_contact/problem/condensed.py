@@ -28,8 +28,8 @@ from skfem_contact.arrays import Array, Index, block_diagonal
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System, slices
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import columns_of, with_columns
+from skfem_contact.conditions.state import LoadCase
 from skfem_contact.linalg.backend import Backend
 from skfem_contact.linalg.dense_factors import blocks, symmetrise
 from skfem_contact.linalg.direct import Direct

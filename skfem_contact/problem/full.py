@@ -20,8 +20,8 @@ from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.member import RemoteStiffness
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.kinematics import Kinematics, prescribed_rows, without_columns
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import combined_rows, tangential_matrix
+from skfem_contact.conditions.state import LoadCase
 from skfem_contact.elimination.constraint import AffineConstraint, eliminate
 from skfem_contact.errors import ConstraintError
 from skfem_contact.linalg.backend import Stacked

@@ -33,7 +33,7 @@ from scipy.sparse import bsr_matrix, csr_matrix, diags
 from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.system import slices
-from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.state import LoadCase
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.amg import (

@@ -17,8 +17,8 @@ from skfem_contact.carried import carried
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface, point_labels, secondary_dofs
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid_motions
+from skfem_contact.conditions.state import LoadCase
 from skfem_contact.linalg.resources import Limits, single_threaded
 from skfem_contact.once import Lock, once
 from skfem_contact.pairing.vectors import entries

@@ -66,9 +66,9 @@ from skfem_contact.conditions.kinematics import (
     prescribed_tangents,
     without_columns,
 )
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.rows import stacked_rows
+from skfem_contact.conditions.state import LoadCase
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import ContactError
 from skfem_contact.problem.points import LinearProblem, Load, Resistance, Response

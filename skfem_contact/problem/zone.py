@@ -28,8 +28,8 @@ from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix
 
 from skfem_contact.arrays import Array, Index, Mask
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import stacked_rows
+from skfem_contact.conditions.state import LoadCase
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import DenseFactors, blocks, cholesky, lu, symmetrise
 from skfem_contact.once import once

@@ -39,9 +39,8 @@ from skfem_contact.bodies.system import System
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import BEYOND, FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import combined_rows, tangential_matrix
-from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.conditions.state import OPEN, SLIP, STICK, LoadCase
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.elimination.constraint import AffineConstraint, eliminate
 from skfem_contact.errors import InputError, NotConverged
