@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
-from skfem_contact.arrays import Array, largest
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
 from skfem_contact.carried import carried
 from skfem_contact.conditions.geometry import Geometry
@@ -124,7 +124,8 @@ class LinearModel:
     def moves(self, case: LoadCase) -> tuple[float, ...]:
         """Largest prescribed displacement of each body [length]."""
         moved = np.abs(case.x[self.system.D])
-        return tuple([largest(moved[part]) for part in self.system.supports])
+        own = [moved[part] for part in self.system.supports]
+        return tuple([float(sizes.max()) if sizes.size else 0.0 for sizes in own])
 
     def with_interface(
         self, interface: Interface, timings: dict[str, float], geometry: Geometry

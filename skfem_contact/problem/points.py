@@ -263,23 +263,25 @@ class Duals(NamedTuple):
 class LoadForces:
     """Forces h on gaps and slips of loads that say what these do where contact carries nothing.
 
-    Of the load that was asked for last they are known.
+    Of the load that was asked for last they are known, and so is `pull`: what the bodies without the
+    springs on their anchors make of the extensions (k,) of these.
 
     Parameters
     ----------
     S : ndarray, shape (q, q)
         As of `PointSpace`.
-    A_zq : ndarray, shape (q, k)
-        What couples them with the springs on k anchors.
+    carried : ndarray, shape (k, q)
+        ``R A_qz``: by what gaps and slips pull k anchors along, without the springs on these.
     rigid : DenseFactors
-        Of ``A_qq - 1``.
+        Of ``A_qq - 1``, the inverse of which is R.
     on : ndarray of int, shape (q + k,), or None
         The rows and anchors among those of the load.
     """
 
-    def __init__(self, S: Array, A_zq: Array, rigid: DenseFactors, on: Index | None) -> None:
-        self._S, self._A_zq, self._rigid, self._on = S, A_zq, rigid, on
+    def __init__(self, S: Array, carried: Array, rigid: DenseFactors, on: Index | None) -> None:
+        self._S, self._carried, self._rigid, self._on = S, carried, rigid, on
         self._last: tuple[Load, Array] | None = None
+        self.pull = np.zeros(0)
 
     def __call__(self, load: Load) -> Array:
         last = self._last
@@ -289,7 +291,8 @@ class LoadForces:
             # A_zz - A_zq R A_qz = S and A_zq (1 - R A_qq) = -A_zq R, with R = (A_qq - 1)^-1
             h = self._S.dot(moved[:q])
             if len(moved) > q:
-                h -= self._A_zq @ self._rigid.solve(moved[q:])
+                self.pull = self._rigid.solve(moved[q:])
+                h -= moved[q:] @ self._carried
             last = self._last = load, h
         return last[1]
 

@@ -31,7 +31,7 @@ from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.rows import stacked_rows
 from skfem_contact.conditions.state import LoadCase
 from skfem_contact.errors import SingularMatrix
-from skfem_contact.linalg.dense_factors import DenseFactors, blocks, cholesky, lu, symmetrise
+from skfem_contact.linalg.dense_factors import blocks, cholesky, lu, symmetrise
 from skfem_contact.once import once
 from skfem_contact.problem.points import (
     NO_ROW,
@@ -308,7 +308,7 @@ class Zone:
             self._left = np.flatnonzero(self._dropped)
             self._left_rows = whole.normal_rows[self._left], whole.tangential_rows[self._left]
         A = whole.inverse(on, refuses)
-        self._A_zq, self._A_qq = A[:q, q:].copy(), A[q:, q:].copy()
+        A_zq, self._A_qq = A[:q, q:].copy(), A[q:, q:].copy()
         try:
             self._rigid = lu(self._A_qq - np.eye(len(A) - q))
         except LinAlgError:
@@ -318,15 +318,16 @@ class Zone:
             return
         held = np.min(self._rigid.diagonal, initial=np.inf)
         self.good = bool(keep is None or held >= LOOSE * np.max(self._A_qq, initial=0.0))
-        S = without_anchors(A, self._A_zq, self._rigid)
-        self._on = on
-        self.space = PointSpace(S, normal, tangential, LoadForces(S, self._A_zq, self._rigid, on))
+        self._carried = self._rigid.solve(A_zq.T)
+        S = without_anchors(A, A_zq, self._carried)
+        self._on, self._forces = on, LoadForces(S, self._carried, self._rigid, on)
+        self.space = PointSpace(S, normal, tangential, self._forces)
 
     def anew(self) -> Zone:
         """The same with a memory of its own."""
         new, space = copy(self), self.space
-        forces = copy(space.follows)
-        new.space = PointSpace(space.S, space.normal_rows, space.tangential_rows, forces)
+        new._forces = copy(self._forces)
+        new.space = PointSpace(space.S, space.normal_rows, space.tangential_rows, new._forces)
         return new
 
     def keeps(self, needed: Mask) -> bool:
@@ -341,7 +342,8 @@ class Zone:
         if len(self._A_qq):
             moved = load.moved if self._on is None else load.moved[self._on]
             z0, q0 = moved[: len(z)], moved[len(z) :]
-            q = self._rigid.solve(self._A_qq @ q0 - self._A_zq.T @ (z - z0))
+            # R (A_qq q0 - A_qz (z - z0)), with R = (A_qq - 1)^-1 and the pull R q0
+            q = q0 + self._forces.pull - self._carried @ (z - z0)
         if self.left:
             full = np.zeros(len(self.rows) + len(self.rest) + 1)  # the last for rows of -1
             full[self.rows] = z
@@ -372,7 +374,7 @@ class Zone:
             forces[self._on] += moved[self.rest] @ self._across
         if len(forces) > q:
             anchors = self._rigid.solve(forces[q:])
-            by_z = -self._A_zq @ anchors
+            by_z = -forces[q:] @ self._carried
         p = np.concatenate((forces[:q], NO_ROW))
         normal_force = of.normal_force + p[self._normal]
         friction = of.tangential_force - p[self._tangential]
@@ -381,7 +383,7 @@ class Zone:
         )
         moved[self.rows] = found.moved - by_z
         if len(forces) > q:
-            moved[q:] = self._A_qq @ anchors - self._rigid.solve(self._A_zq.T @ found.load)
+            moved[q:] = self._A_qq @ anchors - self._carried @ found.load
         return found._replace(moved=moved)
 
 
@@ -426,14 +428,14 @@ def definite_inverse(W: Array, refuses: bool = True) -> Array:
     return factors.inverse()
 
 
-def without_anchors(A: Array, A_zq: Array, rigid: DenseFactors) -> Array:
-    """``A_zz - A_zq R A_qz``, in the place of A; R is the inverse of what `rigid` factorises."""
+def without_anchors(A: Array, A_zq: Array, carried: Array) -> Array:
+    """``A_zz - A_zq R A_qz``, in the place of A; `carried` is ``R A_qz``."""
     q = len(A_zq)
     if len(A) == q:
         return A
     # the rows close up, from the first one on: NumPy copies what is not in one piece for every product
-    S, moved = A.reshape(-1)[: q * q].reshape(q, q), rigid.solve(A_zq.T)
+    S = A.reshape(-1)[: q * q].reshape(q, q)
     for rows in blocks(q):
-        S[rows] = A[rows, :q] - A_zq[rows] @ moved
+        S[rows] = A[rows, :q] - A_zq[rows] @ carried
     symmetrise(S)
     return S
