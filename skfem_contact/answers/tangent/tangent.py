@@ -16,7 +16,7 @@ With Coulomb's law ``M k J = L / |s - s_n| (1 - d d')``, whatever k is: the spri
 d of friction is that of the answer itself. The last linear solve of an iteration has that of an iterate
 before, which is why it is not taken from there.
 
-These are the conditions of one more linear solve (`problem.seam.Conditions`), in which anchors and
+These are the conditions of one more linear solve (`problem.points.Conditions`), in which anchors and
 offsets are what the step before and the parameter make of them.
 """
 
