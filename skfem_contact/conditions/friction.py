@@ -471,10 +471,6 @@ class CheckedLaw(ByFields):
         """
         return "by_pressure" in vars(type(self.law))
 
-    def by_pressure(self, area: Array) -> LinearBound:
-        """See `LinearLaw.by_pressure`, of a law that is `steady`."""
-        return self.law.by_pressure(area)
-
     def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
         """Bounds, shape (m,); see `FrictionLaw.limit`. Zero at points without area.
 

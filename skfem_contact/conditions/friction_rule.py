@@ -204,15 +204,15 @@ class FrictionRule:
     """
 
     def __init__(self, laws: Laws, area: Array, reference: Array) -> None:
-        self.laws, self.area, self.reference = laws, area, reference
-        lines = [(part, law.by_pressure(area[part])) for part, law in laws if law.steady]
+        self.laws, self.area, self.reference, m = laws, area, reference, len(area)
+        lines = [(part, law.law.by_pressure(area[part])) for part, law in laws if law.steady]
         self._asked_alone = [(part, law) for part, law in laws if not law.steady]
         self.steady = not self._asked_alone
         self.by_bound = all(law.by_bound for _, law in laws)
-        if len(lines) == 1 and lines[0][0] == slice(0, len(area)):
+        if len(lines) == 1 and lines[0][0] == slice(0, m):
             self._line = lines[0][1]
         else:
-            self._line = LinearBound(*np.zeros((2, len(area))), np.full(len(area), np.inf))
+            self._line = LinearBound(np.zeros(m), np.zeros(m), np.full(m, np.inf))
             for part, line in lines:
                 for whole, values in zip(self._line, line, strict=True):
                     whole[part] = values
