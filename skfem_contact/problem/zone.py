@@ -2,10 +2,11 @@ r"""The contact problem on gaps and slips, of those points that may carry a forc
 
 `PointProblem` puts the bodies of `condensed` on a pairing: with ``z = B u`` the gaps and slips of the
 points all else is eliminated (a Delassus operator, as in Francavilla and Zienkiewicz, 1975). A new
-pairing costs a new `PointProblem` and nothing before it. Of the compliance W of gaps, slips and anchors
-points that are open, and far from
-closing, are left out by leaving out their rows: what carries no force gives way freely. The stiffness
-of the others is ``A = W_kk^-1``, k the rows of the zone and of the anchors, less the springs on these,
+pairing costs a new `PointProblem` and nothing before it.
+
+Of the compliance W of gaps, slips and anchors the rows of points that are open, and far from closing,
+are left out: what carries no force gives way freely. The stiffness of the others is ``A = W_kk^-1``, k
+the rows of the zone and of the anchors, less the springs on these,
 
     (A - [0, 0; 0, 1]) [z; q] = A [z0; q0] + [p; 0],
 
