@@ -28,10 +28,9 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import LoadCase, LocalState, State
 from skfem_contact.errors import InputError
 from skfem_contact.loops.step import Record
-from skfem_contact.once import once
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.points import Conditions
-from skfem_contact.records import dataclass
+from skfem_contact.records import dataclass, once
 from skfem_contact.sealed import seal, sealed
 
 

@@ -28,7 +28,6 @@ from numpy.typing import ArrayLike
 from skfem_contact.arguments import PrintedAsCall, number, numbers, shown, take, with_known_keywords
 from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.selection import written
-from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction_rule import (
     Derivatives,
     LinearBound,
@@ -39,7 +38,7 @@ from skfem_contact.conditions.friction_rule import (
 from skfem_contact.digits import COMPUTED, SINGLE, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
-from skfem_contact.sealed import kept, sealed
+from skfem_contact.sealed import ByFields, kept, sealed
 
 #: Why a bound is not negative, and what to do where nothing is to slip.
 NO_SIGN = (
@@ -121,7 +120,7 @@ class FrictionLaw(PrintedAsCall):
         normal_force : ndarray, shape (m,)
             Compressive, never negative [force].
         area : ndarray, shape (m,)
-            Tributary area [area].
+            Tributary area, deformed or not as `ContactValues.area` is [area].
         slip : ndarray, shape (m, d-1)
             Slip since the point closed [length].
 
@@ -265,6 +264,8 @@ class Coulomb(LinearLaw):
 @dataclass(frozen=True, eq=False, init=False)
 class Tresca(LinearLaw):
     """Tresca friction: a bound that does not depend on the pressure, ``L = tau_max A``.
+
+    The area of bodies of large strain is the deformed one with ``sliding="finite"``.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@
 * `choice`, `model`: which of these ways is taken; the problem on one pairing, made from the bodies.
 """
 
-from skfem_contact.entrances import entrances
+from skfem_contact.records import entrances
 
 __getattr__, __dir__ = entrances(
     __name__,

@@ -33,7 +33,6 @@ from skfem_contact.conditions.state import LoadCase
 from skfem_contact.linalg.backend import Backend
 from skfem_contact.linalg.dense_factors import blocks, symmetrise
 from skfem_contact.linalg.direct import Direct
-from skfem_contact.once import once
 from skfem_contact.problem.seam import (
     ContactProblem,
     PosedOn,
@@ -41,6 +40,7 @@ from skfem_contact.problem.seam import (
 )
 from skfem_contact.problem.substructure import Components, Substructure
 from skfem_contact.problem.zone import PointProblem
+from skfem_contact.records import once
 
 # Results whose interior is recovered at a time: enough for matrix products, few enough for memory.
 RECOVERED_AT_ONCE = 32
@@ -87,7 +87,7 @@ class Substructures:
         self.spans, self.substructures = slices(system.offsets), list[Any]()
         for i, body in enumerate(system.bodies):
             part = reuse[i] if len(reuse) else None
-            if not isinstance(part, self.kind):
+            if type(part) is not self.kind:
                 firm = firmness(system, stiffness, wanted) if len(body.rotations) else 0.0
                 mine = wanted_of(body, self.spans[i], wanted)
                 part = self.kind(body, stiffness[i], mine, firm, self.backend, system.modes(i))
@@ -149,7 +149,7 @@ class Condensed(Substructures):
 
     kind = Substructure
 
-    _along: tuple[list[int], Array, Array] | None = None
+    _along: tuple[list[tuple[int, ...]], Array, Array] | None = None
 
     def flexibility(self, force: Array) -> Array:
         """``F`` times forces on the contact DOFs, (n_c, r) -> (n_c, r)."""
@@ -168,25 +168,27 @@ class Condensed(Substructures):
             symmetrise(W[rows, rows])
         return W
 
-    def load(self, f: Array, x: Array) -> tuple[tuple[Components, ...], Array, Array]:
+    def load(self, f: Array, x: Array) -> tuple[tuple[Components | None, ...], Array, Array]:
         """What `recover` wants to know of loads; forces and displacements of the contact DOFs, (n_c,).
 
-        Of loads that follow from those before only sums of what is known: see `LoadSpan`.
+        Of loads that follow from those before only sums of what is known: see `LoadSpan`. The load of a
+        body that has had too many is its own, beside those of the others.
         """
-        parts = zip(self.substructures, self.spans, strict=True)
+        parts = list(zip(self.substructures, self.spans, strict=True))
         found = [part.components(f[span], x[span]) for part, span in parts]
-        components = tuple([pair for pair in found if pair is not None])
-        if len(components) < len(found):
-            force = self.other_load(f, x)
-            return (), force, self.flexibility(force)
-        known = [c for pair in components for c in pair]
-        counts, c = [len(own) for own in known], np.concatenate(known)
-        if self._along is None or self._along[0] != counts:
-            each = zip(self.substructures, components, strict=True)
+        counts = [tuple(map(len, pair)) if pair else () for pair in found]
+        known = self._along  # which another thread may put another one in the place of
+        if known is None or known[0] != counts:
+            each = zip(self.substructures, found, strict=True)
             along = block_diagonal([part.along(own) for part, own in each])
-            self._along = counts, along, self.flexibility(along)
-        _, along, moved = self._along
-        return components, along.dot(c), moved.dot(c)
+            known = self._along = counts, along, self.flexibility(along)
+        c = np.concatenate([own for pair in found if pair for own in pair] or [np.zeros(0)])
+        force, moved = known[1].dot(c), known[2].dot(c)
+        for (part, span), pair, own in zip(parts, found, self.column_spans, strict=True):
+            if pair is None:
+                force[own] = part.changed_load(f[span], x[span])
+                moved[own] = part.flexibility @ force[own]
+        return tuple(found), force, moved
 
     def other_load(self, f: Array, x: Array) -> Array:
         """Loads condensed onto the contact DOFs, (n_c,); nothing of them is remembered."""

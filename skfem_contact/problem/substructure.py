@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import Array, Index, sizes
+from skfem_contact.arrays import Array, Index, same, sizes
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member, largest
 from skfem_contact.digits import ROUND_OFF
@@ -26,7 +26,7 @@ from skfem_contact.linalg.dense_factors import cholesky, lu
 from skfem_contact.linalg.direct import Direct, IndefiniteFactor
 from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
 from skfem_contact.linalg.multifrontal.ordering import nodes_of
-from skfem_contact.once import Lock, once
+from skfem_contact.records import Lock, once
 
 logger = logging.getLogger("skfem_contact")
 
@@ -174,6 +174,7 @@ class Substructure:
     keeps_contact = True  # or contact DOFs are eliminated like all others
     definite = True  # but the tangent of a body that is not linear may be none of a stable state
     shaky = False  # and neither is what is condensed of it
+    _last: tuple[Array, Array, Array] | None = None  # a load like no other, and what it is when reduced
 
     def __init__(
         self,
@@ -297,11 +298,13 @@ class Substructure:
         force, move = forces.components(f), moves.components(x, self._by_supports)
         return None if force is None or move is None else (force, move)
 
-    def along(self, components: Components) -> Array:
+    def along(self, components: Components | None) -> Array:
         """Loads on the kept DOFs with one component, (n_c, k): those of forces, then those of moves.
 
         Of the directions that `components` are along.
         """
+        if components is None:
+            return np.zeros((len(self.kept), 0))
         if not self._spanned:
             return np.eye(len(self.kept))
         spans = zip(self._spans, components, strict=True)
@@ -315,6 +318,13 @@ class Substructure:
         if not (len(self.kept) and (f.any() or x.any())):
             return np.zeros(len(self.kept))
         return np.asarray(self._factor.reduce_load(self.free_load(f, x)))
+
+    def changed_load(self, f: Array, x: Array) -> Array:
+        """The same; the last load is remembered, as it may stay while those of other bodies change."""
+        last = self._last
+        if last is None or not (same(f, last[0]) and same(x, last[1])):
+            last = self._last = f.copy(), x.copy(), self.other_load(f, x)
+        return last[2]
 
     def recover(
         self,

@@ -33,7 +33,6 @@ from skfem_contact.conditions.rows import stacked_rows
 from skfem_contact.conditions.state import LoadCase
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import blocks, cholesky, lu, symmetrise
-from skfem_contact.once import once
 from skfem_contact.problem.points import (
     NO_ROW,
     Conditions,
@@ -53,7 +52,7 @@ from skfem_contact.problem.seam import (
     resistance_by,
     spring_compliance,
 )
-from skfem_contact.problem.substructure import Components
+from skfem_contact.records import once
 
 # Size of the compliance of all points up to which its inverse stays beside it [bytes]. Of a larger one,
 # of 2 800 rows, it takes half a second and more, and is formed where somebody asks. Dense matrices of
@@ -139,7 +138,7 @@ class PointProblem(OnContactDofs):
         force = self.bodies.other_load(case.f, case.x)
         return self._load(case, (), force, self.bodies.flexibility(force))
 
-    def _load(self, case: LoadCase, components: tuple[Components, ...], force: Array, u: Array) -> Load:
+    def _load(self, case: LoadCase, components: tuple[Any, ...], force: Array, u: Array) -> Load:
         return Load(np.zeros(0), *self.constant(case), force, components, self.G @ u)
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
