@@ -72,26 +72,6 @@ class Unknowns(NamedTuple):
     since: Array
 
 
-class Duals(NamedTuple):
-    """Derivatives of a number by what an answer follows from.
-
-    Attributes
-    ----------
-    load, moved : ndarray
-        By the forces h on gaps and slips, (q,); and S times that. Of a `Zone`, `moved` is by what gaps,
-        slips and anchors do where contact carries nothing.
-    gap0 : ndarray, shape (m,)
-    slip0, anchor, offset : ndarray, shape (m, d-1)
-    """
-
-    load: Array
-    moved: Array
-    gap0: Array
-    slip0: Array
-    anchor: Array
-    offset: Array
-
-
 class LoadForces:
     """Forces h on gaps and slips of loads that say what these do where contact carries nothing.
 
@@ -191,7 +171,9 @@ class PointSpace:
         z[rows.free] += since[rows.free]
         return Unknowns(z, self.S.dot(z) - force, since)
 
-    def adjoint(self, conditions: Conditions, of: Response, key: object) -> Duals:
+    def adjoint(
+        self, conditions: Conditions, of: Response, key: object
+    ) -> tuple[Array, Array, dict[str, Array]]:
         """`unknowns` and `response` backwards, line by line.
 
         Parameters
@@ -201,6 +183,13 @@ class PointSpace:
             Derivatives of a number by gaps, slips and forces; by the solution z too.
         key : object
             As of `unknowns`.
+
+        Returns
+        -------
+        load, moved : ndarray
+            Derivatives by the forces h on gaps and slips, (q,), and S times that.
+        by : dict of ndarray
+            By gap0 (m, 1), and by slip0, anchor and offset, (m, d-1).
         """
         rows = self._held(conditions, key)
         q, slip, normal_force, tangential = len(self.S), of.slip, of.normal_force, of.tangential_force
@@ -237,7 +226,13 @@ class PointSpace:
             held[rows.slides] = base[rows.sliding]
             given = np.einsum("ikl,ik->il", conditions.spring, known)
             held -= np.where(rows.slides, 0.0, given)
-        return Duals(r - p, own - base, gap0, slip - held, held - way, by_law + known)
+        by = {
+            "gap0": gap0[:, None],
+            "slip0": slip - held,
+            "anchor": held - way,
+            "offset": by_law + known,
+        }
+        return r - p, own - base, by
 
     def _held(self, conditions: Conditions, key: object) -> HeldRows:
         """The rows that conditions hold; of the last ones, if their matrix is the same."""

@@ -27,13 +27,12 @@ from scipy.sparse import block_diag, csc_matrix, csr_matrix
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.tangent.tangent import Tangent, held_rows, left_free
+from skfem_contact.answers.tangent.tangent import Tangent, left_free
 from skfem_contact.arguments import shown, whole_number
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import COMPUTED, SOLVED
-from skfem_contact.elimination.constraint import AffineConstraint
 from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.linalg.direct import Direct
 from skfem_contact.linalg.resources import single_threaded
@@ -107,7 +106,12 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
         raise InputError(f"this result did not converge ({answer.message}): no state to vibrate in")
     system, M = answer.system, mass(answer.system)
     K = csr_matrix(block_diag(stiffness, format="csr"))
-    trial, test = _constraints(answer, slipping)
+    closed, interface = answer.local.status != OPEN, answer.model.interface
+    stick = closed & (interface.frictional | interface.tied)
+    if slipping != "stuck":
+        stick &= answer.local.status == STICK
+    slope = Tangent(answer).slope if slipping == "steady" else 0.0
+    trial, test = left_free(answer, closed, stick, slope)
     count = len(trial.independent)
     if n > count:
         raise InputError(f"n = {n} modes of {count} DOFs that are free to move")
@@ -165,20 +169,6 @@ def mass(system: System) -> csr_matrix:
         )
     scaled = [system.scaled(body, own) for body, own in zip(system.bodies, mass, strict=True)]
     return csr_matrix(block_diag(scaled, format="csr"))
-
-
-def _constraints(answer: Answer, slipping: str) -> tuple[AffineConstraint, AffineConstraint]:
-    """Of displacements, and of virtual ones: the same unless points slide on."""
-    interface, local, system = answer.model.interface, answer.local, answer.system
-    closed = local.status != OPEN
-    stick = closed & (interface.frictional | interface.tied)
-    if slipping != "stuck":
-        stick &= local.status == STICK
-    trial = left_free(held_rows(answer.kin, closed, stick), system)
-    slope = Tangent(answer).slope if slipping == "steady" else np.zeros(0)
-    if not np.any(slope):
-        return trial, trial
-    return trial, left_free(held_rows(answer.kin, closed, stick, slope), system)
 
 
 def _nearest(

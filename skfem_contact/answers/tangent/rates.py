@@ -31,14 +31,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import issparse
+from scipy.sparse import block_diag, csr_matrix, issparse
 
-from skfem_contact.answers.tangent.tangent import Slopes, Tangent, Values
+from skfem_contact.answers.tangent.tangent import Slopes, Tangent, Values, add, mapped_slopes
 from skfem_contact.answers.thresholds import MOST_CHANGES
 from skfem_contact.arrays import Array, lengths, size_of, unit_vectors
+from skfem_contact.conditions.friction import Derivatives
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, NotConverged
-from skfem_contact.problem.points import Duals
 
 TINY = np.finfo(float).tiny
 HANDED_ON = "slip", "friction", "reference", "bound", "stretch"
@@ -58,6 +58,7 @@ def _before(tangent: Tangent) -> Maps:
         maps += [("offset", "last slip", by_slip), ("offset", "last reference", -by_slip)]
     if tangent.bolts:
         maps.append(("drive", "last stretch", 1.0 * tangent.locked))
+        maps.append(("f", "drive", csr_matrix(-tangent.bolts.pulls.T)))
     return maps
 
 
@@ -82,14 +83,10 @@ def _after(tangent: Tangent, lost: bool) -> Maps:
     if tangent.bolts:  # those with a force that is given slide
         k, each = tangent.bolts.k, np.ones(1)
         slides = np.where(tangent.tightened, -1 / k, 0.0)
+        maps.append(("pull", "u", tangent.bolts.pulls))
         maps += [("stretch", "drive", each), ("stretch", "pull", slides)]
         maps += [("tension", "stretch", k), ("tension", "pull", each)]
     return maps
-
-
-def add(values: Values, name: str, own: Array) -> None:
-    """Add to the values of a name, which may not be there yet."""
-    values[name] = values[name] + own if name in values else own
 
 
 def take(maps: Maps, values: Values, back: bool = False) -> None:
@@ -124,16 +121,12 @@ class Rates:
     """
 
     def __init__(self, tangent: Tangent, change: Values, last: Values) -> None:
-        bolts, self.tangent = tangent.bolts, tangent
+        self.tangent = tangent
         self.values = values = change | {"last " + name: own for name, own in last.items()}
         take(_before(tangent), values)
-        if bolts and "drive" in values:
-            add(values, "f", -bolts.pulls.T @ values["drive"])
-        found, self._recover = tangent.respond(values)
-        values |= {"gap": found.gap[:, None], "normal_force": found.normal_force[:, None]}
-        values |= {"slip": found.slip, "friction": found.tangential_force}
-        if bolts:
-            values["pull"] = bolts.pulls @ self.u
+        self._recover = tangent.solved(values)
+        if tangent.bolts:
+            values["u"] = self.u
         take(_after(tangent, True), values)
 
     @property
@@ -165,39 +158,30 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
     loads : bool
         Whether derivatives by loads and displacements are wanted, for which the interior is recovered.
     """
-    bolts, duals = tangent.bolts, dict(weights)
+    duals = dict(weights)
     for name, own in after.items():
         add(duals, name, own)
     if "lost" in duals:
         check_lost(tangent)
     take(_after(tangent, "lost" in duals), duals, back=True)
-    if bolts and "pull" in duals:
-        add(duals, "u", bolts.pulls.T @ duals["pull"])
-    if (rims := tangent.rims) is not None:
-        # transposed these push where loads move something
-        own = tangent.pulled(duals)[1]()
-        add(duals, "u", tangent.at_rims(rims.T, lambda u: tangent.pulled({"u": u})[1](), own))
-    found, recover = tangent.pulled(duals)
-    duals |= {"gap0": found.gap0[:, None], "slip0": found.slip0}
-    duals |= {"anchor": found.anchor, "offset": found.offset}
-    if loads or bolts:
+    recover = tangent.solved(duals, back=True)
+    if loads or tangent.bolts:
         duals["f"] = recover()
-        duals["x"] = _by_supports(tangent, duals["f"], found, duals.get("u"))
-    if bolts:
-        add(duals, "drive", -bolts.pulls @ duals["f"])
+    if loads:
+        duals["x"] = _by_supports(tangent, duals)
     take(_before(tangent), duals, back=True)
     return duals, {name[5:]: own for name, own in duals.items() if name.startswith("last ")}
 
 
-def _by_supports(tangent: Tangent, f: Array, found: Duals, u: Array | None) -> Array:
+def _by_supports(tangent: Tangent, duals: Values) -> Array:
     """Derivatives of a number by prescribed displacements (n,), from those by all else."""
     answer, kin = tangent.answer, tangent.answer.kin
-    system, x = answer.system, np.zeros(answer.system.n)
-    borne = [K @ f[system.slice(b)] for K, b in zip(answer.stiffness, system.bodies, strict=True)]
-    whole = kin.B_n.T @ np.where(kin.paired, found.gap0, 0.0) - np.concatenate(borne)
-    if found.slip0.size and tangent.problem.slips:
-        whole = whole + kin.B_t.T @ found.slip0.ravel()
-    x[system.D] = (whole if u is None else whole + u)[system.D]
+    x = np.zeros(answer.system.n)
+    whole = kin.B_n.T @ np.where(kin.paired, duals["gap0"][:, 0], 0.0) + duals.get("u", x)
+    whole -= block_diag(answer.stiffness, format="csr") @ duals["f"]
+    if tangent.problem.slips:
+        whole += kin.B_t.T @ duals["slip0"].ravel()
+    x[answer.system.D] = whole[answer.system.D]
     return x
 
 
@@ -268,14 +252,13 @@ class Verge:
         # what decides is held across its direction, and by the return map where that turns
         bound = self.slope * np.maximum(self.normal_force, 0.0)
         size = np.maximum(np.maximum(lengths(self.trial), bound), TINY)
-        turn = np.where(self.turns, bound / size, 1.0 * self.decides)[:, None, None]
-        J = turn * (unit - way[:, :, None] * way[:, None])
-        elastic = ~(self.exact[:, 0] | self.slips | self.open)
-        J = np.where(slips[:, None, None], J, unit * elastic[:, None, None])
-        exact, k = self.exact[:, :, None], self.stiffness[:, :, None]
-        spring = J * np.where(exact, k / np.maximum(1.0 - turn, SOLVED), k)
-        by_normal = np.where(slips, self.slope, 0.0)[:, None] * way
-        new = (spring, np.where(exact, 0.0, J), 0.0 * J, unit * slips[:, None, None], by_normal, way)
+        turn = np.minimum(np.where(self.turns, bound / size, 1.0 * self.decides), 1.0 - SOLVED)
+        J = turn[:, None, None] * (unit - way[:, :, None] * way[:, None])
+        elastic, by = (
+            ~(self.exact[:, 0] | self.slips | self.open),
+            (J, self.slope[:, None] * way, 0 * J),
+        )
+        new = mapped_slopes(Derivatives(*by), slips, elastic, self.stiffness, self.exact, way)
         slopes = Slopes(*(own.copy() for own in tangent.slopes))
         for own, here in zip(slopes, new, strict=True):
             own[at] = here[rubs]

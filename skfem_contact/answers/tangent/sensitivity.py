@@ -9,8 +9,8 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.tangent.changes import Parameter, change, parameters
-from skfem_contact.answers.tangent.rates import Maps, Rates, Verge, add, check_lost, take
-from skfem_contact.answers.tangent.tangent import Tangent, Values
+from skfem_contact.answers.tangent.rates import Maps, Rates, Verge, check_lost, take
+from skfem_contact.answers.tangent.tangent import Tangent, Values, add
 from skfem_contact.arguments import numbers, shown
 from skfem_contact.arrays import Array, Index
 from skfem_contact.conditions.kinematics import Kinematics
