@@ -340,7 +340,7 @@ def _places(by: Parameter, answer: Answer) -> Places:
 
 def _field(by: Parameter, there: Array) -> Array:
     """The values of `along` in the shape that they have there."""
-    wanted = there.shape[1:] if by.kind == "motion" else there.shape[:1]
+    wanted = {"motion": there.shape[1:], "stiffness": ()}.get(by.kind, there.shape[:1])
     values = numbers(by.along, f"{by!r}: along", "give a number, or one for each point or DOF")
     if values.shape != wanted and (values.shape or by.kind == "motion"):
         raise InputError(f"{by!r}: along has shape {values.shape}, not {wanted}")

@@ -31,7 +31,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import block_diag, csr_matrix, issparse
+from scipy.sparse import block_diag, csr_matrix
 
 from skfem_contact.answers.tangent.tangent import Slopes, Tangent, Values, add, mapped_slopes
 from skfem_contact.answers.thresholds import MOST_CHANGES
@@ -95,7 +95,7 @@ def take(maps: Maps, values: Values, back: bool = False) -> None:
         to, by = (of, out) if back else (out, of)
         if by not in values:
             continue
-        if issparse(block):
+        if not isinstance(block, np.ndarray):
             add(values, to, (block.T if back else block) @ values[by])
         elif block.ndim == 3:
             add(values, to, np.einsum("ikl,ik->il" if back else "ikl,il->ik", block, values[by]))

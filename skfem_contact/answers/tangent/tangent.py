@@ -330,17 +330,17 @@ class Tangent:
         """`solved` backwards, without rims."""
         (m, t), problem = self.local.slip.shape, self.problem
         zone, key = self.zones.fitting(self.conditions, self.local.gap)
-        forces, held, case = np.zeros(len(problem.compliance.W)), 0.0, self._case({})
+        forces, held, given = np.zeros(len(problem.compliance.W)), 0.0, Values()
         if "u" in values:
-            case = self._case({"f": values["u"]})
-            load = problem.other_load(case)
+            given["f"] = values["u"]
+            load = problem.other_load(self._case(given))
             forces, held = np.asarray(load.moved), load.prescribed
         of = [np.ravel(values.get(name, np.zeros(m))) for name in ("gap", "normal_force")]
         along = [values.get(name, np.zeros((m, t))) for name in ("slip", "friction")]
         duals = Response(of[0], along[0], of[1], along[1], forces)
         moved, by = zone.adjoint(self.conditions, duals, key)
         values |= by
-        return lambda: self._recovered(problem.G.T @ moved + held, case)
+        return lambda: self._recovered(problem.G.T @ moved + held, self._case(given))
 
     def _case(self, given: Values) -> LoadCase:
         """Return the load case of changes of the loads f, x, and of gap0 and slip0."""
