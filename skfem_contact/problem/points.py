@@ -72,6 +72,10 @@ class Unknowns(NamedTuple):
     since: Array
 
 
+#: Derivatives of a number by what an answer follows from.
+Duals = dict[str, Array]
+
+
 class LoadForces:
     """Forces h on gaps and slips of loads that say what these do where contact carries nothing.
 
@@ -171,9 +175,7 @@ class PointSpace:
         z[rows.free] += since[rows.free]
         return Unknowns(z, self.S.dot(z) - force, since)
 
-    def adjoint(
-        self, conditions: Conditions, of: Response, key: object
-    ) -> tuple[Array, Array, dict[str, Array]]:
+    def adjoint(self, conditions: Conditions, of: Response, key: object) -> Duals:
         """`unknowns` and `response` backwards, line by line.
 
         Parameters
@@ -186,10 +188,9 @@ class PointSpace:
 
         Returns
         -------
-        load, moved : ndarray
-            Derivatives by the forces h on gaps and slips, (q,), and S times that.
-        by : dict of ndarray
-            By gap0 (m, 1), and by slip0, anchor and offset, (m, d-1).
+        dict of ndarray
+            Derivatives by the forces h on gaps and slips, `load` (q,), and S times that, `moved`; by
+            gap0 (m, 1), and by slip0, anchor and offset, (m, d-1).
         """
         rows = self._held(conditions, key)
         q, slip, normal_force, tangential = len(self.S), of.slip, of.normal_force, of.tangential_force
@@ -226,13 +227,8 @@ class PointSpace:
             held[rows.slides] = base[rows.sliding]
             given = np.einsum("ikl,ik->il", conditions.spring, known)
             held -= np.where(rows.slides, 0.0, given)
-        by = {
-            "gap0": gap0[:, None],
-            "slip0": slip - held,
-            "anchor": held - way,
-            "offset": by_law + known,
-        }
-        return r - p, own - base, by
+        found = {"load": r - p, "moved": own - base, "gap0": gap0[:, None], "slip0": slip - held}
+        return found | {"anchor": held - way, "offset": by_law + known}
 
     def _held(self, conditions: Conditions, key: object) -> HeldRows:
         """The rows that conditions hold; of the last ones, if their matrix is the same."""

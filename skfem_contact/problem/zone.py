@@ -26,7 +26,7 @@ from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import DenseFactors, blocks, cholesky, lu, symmetrise
 from skfem_contact.once import once
 from skfem_contact.problem import thresholds
-from skfem_contact.problem.points import NO_ROW, LoadForces, PointSpace
+from skfem_contact.problem.points import NO_ROW, Duals, LoadForces, PointSpace
 from skfem_contact.problem.seam import Conditions, Load, Response
 from skfem_contact.problem.thresholds import FEWEST, LOOSE, SPARE
 
@@ -237,9 +237,7 @@ class Zone:
         response.solution = np.append(z, q) if len(q) else z
         return response
 
-    def adjoint(
-        self, conditions: Conditions, of: Response, key: object
-    ) -> tuple[Array, dict[str, Array]]:
+    def adjoint(self, conditions: Conditions, of: Response, key: object) -> Duals:
         """`solve` backwards.
 
         Parameters
@@ -252,10 +250,9 @@ class Zone:
 
         Returns
         -------
-        moved : ndarray
-            Derivatives by what gaps, slips and anchors do where contact carries nothing.
-        by : dict of ndarray
-            As of `PointSpace.adjoint`.
+        dict of ndarray
+            As of `PointSpace.adjoint`; `moved` is by what gaps, slips and anchors do where contact
+            carries nothing.
         """
         forces, moved = of.solution.copy(), np.zeros(len(of.solution))
         q, by_z = len(forces) - len(self._A_qq), np.zeros(len(self.rows))
@@ -271,11 +268,11 @@ class Zone:
         normal_force = of.normal_force + p[self._normal]
         friction = of.tangential_force - p[self._tangential]
         own = Response(of.gap, of.slip, normal_force, friction, by_z)
-        load, kept, by = self.space.adjoint(conditions, own, key)
-        moved[self.rows] = kept - by_z
+        found = self.space.adjoint(conditions, own, key)
+        moved[self.rows] = found["moved"] - by_z
         if len(forces) > q:
-            moved[q:] = self._A_qq @ anchors - self._rigid.solve(self._A_zq.T @ load)
-        return moved, by
+            moved[q:] = self._A_qq @ anchors - self._rigid.solve(self._A_zq.T @ found["load"])
+        return found | {"moved": moved}
 
 
 def indefinite_inverse(W: Array, refuses: bool = True) -> Array:

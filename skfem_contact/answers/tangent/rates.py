@@ -196,33 +196,30 @@ class Verge:
 
     def __init__(self, tangent: Tangent, change: Values, last: Values) -> None:
         self.tangent, self.change, self.last = tangent, change, last
-        self.at = at = tangent.kinks
-        compliance, local, answer = tangent.problem.compliance, tangent.local, tangent.answer
-        has_slip = np.all(compliance.tangential_rows[at] >= 0, axis=1)
-        self.rubs = answer.model.interface.frictional[at] & has_slip
-        self.touches = (tangent.margins[0][at] <= SOLVED) & (compliance.normal_rows[at] >= 0)
-        if self.rubs.any() and not tangent.rule.steady:
+        answer, local, resistance = tangent.answer, tangent.local, tangent.problem.resistance
+        there, changes = tangent.problem.compliance, tangent.margin <= SOLVED
+        has_slip = np.all(there.tangential_rows >= 0, axis=1)
+        self.rubs = rubs = changes & answer.model.interface.frictional & has_slip
+        self.touches = changes & (tangent.margins[0] <= SOLVED) & (there.normal_rows >= 0)
+        if rubs.any() and not tangent.rule.steady:
             raise InputError(
                 "side: bounds of friction that change with the slip have no one-sided derivatives. "
                 "Take Coulomb, OrthotropicCoulomb or Tresca, or move the load a little off the kink."
             )
-        self.slope = tangent.rule.slope(np.maximum(local.normal_force, 0.0), local.slip)[at]
-        slid = tangent.slid[at] & self.rubs
-        self.open, self.slips = self.touches & ~tangent.closed[at], slid.copy()
-        self.decides = self.rubs & ~slid  # whether it sticks
+        self.slope = tangent.rule.slope(np.maximum(local.normal_force, 0.0), local.slip)
+        slid = tangent.slid & rubs
+        self.open, self.slips = self.touches & ~tangent.closed, slid.copy()
+        self.decides = rubs & ~slid  # whether it sticks
         self.turns = self.decides & self.touches  # has no direction of friction yet
-        toward = np.where(slid[:, None], answer.plastic_slip[at], local.tangential_force[at])
-        self.direction = unit_vectors(toward)
-        stiffness = answer.tangential_stiffness[at, None]
+        toward = np.where(slid[:, None], answer.plastic_slip, local.tangential_force)
+        self.direction, stiffness = unit_vectors(toward), answer.tangential_stiffness[:, None]
         self.give = 1.0 / stiffness  # a finite stiffness gives back a part of the slip
         # with exact sticking any stiffness does, see `tangent`
-        own, self.exact = tangent.problem.resistance, np.isinf(stiffness)
-        self.stiffness = np.where(self.exact, own.tangential[at, None], stiffness)
-        self.stiffness, self.hardness = (
-            np.where(self.rubs[:, None], self.stiffness, 0.0),
-            own.normal[at],
-        )
-        bound = change["bound"][at, 0] if "bound" in change else 0.0
+        self.exact = np.isinf(stiffness)
+        own = np.where(self.exact, resistance.tangential[:, None], stiffness)
+        self.stiffness = np.where(rubs[:, None], own, 0.0)
+        self.hardness = np.where(self.touches, resistance.normal, 0.0)
+        bound = change["bound"][:, 0] if "bound" in change else 0.0
         self.bound, self.least = np.where(self.turns, 0.0, bound), np.zeros(2)
         self._read(Rates(tangent, change, last).values)
 
@@ -235,7 +232,7 @@ class Verge:
             No statuses fit.
         """
         seen, whole = set[bytes](), True
-        for _ in range(MOST_CHANGES * len(self.at)):
+        for _ in range(MOST_CHANGES * len(self.tangent.kinks)):
             rates = self._solved()
             self._read(rates.values)
             key = self.open.tobytes() + self.slips.tobytes()
@@ -247,39 +244,32 @@ class Verge:
 
     def _solved(self) -> Rates:
         """Rates with the states that the points have."""
-        at, rubs, change, tangent = self.at[self.rubs], self.rubs, dict(self.change), self.tangent
-        slips, unit, way = self.slips & ~self.open, np.eye(self.direction.shape[1]), self.direction
+        change, tangent, slips, way = dict(self.change), self.tangent, self.slips, self.direction
+        sticks, exact = self.rubs & ~(slips | self.open), self.exact[:, 0]
         # what decides is held across its direction, and by the return map where that turns
         bound = self.slope * np.maximum(self.normal_force, 0.0)
         size = np.maximum(np.maximum(lengths(self.trial), bound), TINY)
         turn = np.minimum(np.where(self.turns, bound / size, 1.0 * self.decides), 1.0 - SOLVED)
-        J = turn[:, None, None] * (unit - way[:, :, None] * way[:, None])
-        elastic, by = (
-            ~(self.exact[:, 0] | self.slips | self.open),
-            (J, self.slope[:, None] * way, 0 * J),
-        )
-        new = mapped_slopes(Derivatives(*by), slips, elastic, self.stiffness, self.exact, way)
-        slopes = Slopes(*(own.copy() for own in tangent.slopes))
-        for own, here in zip(slopes, new, strict=True):
-            own[at] = here[rubs]
-        closed, stick = tangent.closed.copy(), tangent.stick.copy()
-        closed[self.at[self.touches]] = ~self.open[self.touches]
-        stick[at] = (self.exact[:, 0] & ~(self.slips | self.open))[rubs]
+        J = turn[:, None, None] * (np.eye(way.shape[1]) - way[:, :, None] * way[:, None])
+        by = Derivatives(J, self.slope[:, None] * way, 0.0 * J)
+        new = mapped_slopes(by, slips, sticks & ~exact, self.stiffness, self.exact, way)
+        pairs = zip(new, tangent.slopes, strict=True)
+        slopes = Slopes(*(np.where(self.rubs[(...,) + (None,) * (a.ndim - 1)], a, b) for a, b in pairs))
+        closed = np.where(self.touches, ~self.open, tangent.closed)
+        stick = np.where(self.rubs, sticks & exact, tangent.stick) & closed
         if "bound" in change:
-            mapped = change["mapped"].copy()
+            mapped = np.where(self.rubs[:, None], self.bound[:, None] * way, change["mapped"])
             change |= {"bound": change["bound"] * closed[:, None], "mapped": mapped}
-            mapped[at] = (self.bound[:, None] * way)[rubs]
-        return Rates(tangent.holding(closed, stick & closed, slopes), change, self.last)
+        return Rates(tangent.holding(closed, stick, slopes), change, self.last)
 
     def _read(self, values: Values) -> None:
         """What the points do, and what of it is more than round-off."""
-        self.gap, self.normal_force = values["gap"][self.at, 0], values["normal_force"][self.at, 0]
-        self.friction = values["friction"][self.at]
-        since, still = values["slip"] - self.last.get("slip", 0.0), 0.0 * self.friction
-        before = self.last["friction"][self.at] if "friction" in self.last else still
+        self.gap = np.where(self.touches, values["gap"][:, 0], 0.0)
+        self.normal_force, friction = values["normal_force"][:, 0], values["friction"]
+        since = values["slip"] - self.last.get("slip", 0.0)
         # trial forces of a stiffness of each point, with what a finite one gives back of the slip
-        moved = since[self.at] - self.give * (self.friction - before)
-        self.trial = self.friction + self.stiffness * moved
+        given_back = self.give * (friction - self.last.get("friction", 0.0))
+        self.trial = friction + self.stiffness * (since - given_back)
         kinds = ("normal_force", "friction"), ("gap", "slip")
         sizes = [max(size_of(values[name][np.isfinite(values[name])]) for name in own) for own in kinds]
         self.least = np.maximum(self.least, SOLVED * np.array(sizes))

@@ -338,9 +338,9 @@ class Tangent:
         of = [np.ravel(values.get(name, np.zeros(m))) for name in ("gap", "normal_force")]
         along = [values.get(name, np.zeros((m, t))) for name in ("slip", "friction")]
         duals = Response(of[0], along[0], of[1], along[1], forces)
-        moved, by = zone.adjoint(self.conditions, duals, key)
-        values |= by
-        return lambda: self._recovered(problem.G.T @ moved + held, self._case(given))
+        found = zone.adjoint(self.conditions, duals, key)
+        values |= found
+        return lambda: self._recovered(problem.G.T @ found["moved"] + held, self._case(given))
 
     def _case(self, given: Values) -> LoadCase:
         """Return the load case of changes of the loads f, x, and of gap0 and slip0."""
