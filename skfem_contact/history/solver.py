@@ -59,9 +59,8 @@ from skfem_contact.sealed import sealed
 
 if TYPE_CHECKING:
     from skfem_contact.answers.tangent.derivatives import Gradient, Jacobian
-    from skfem_contact.answers.tangent.modes import Modes
+    from skfem_contact.answers.tangent.modes import Damping, Modes
     from skfem_contact.history.checkpoint import SavedState
-    from skfem_contact.history.damping import Damping
     from skfem_contact.history.equilibrium import Known
     from skfem_contact.problem.model import AnyBodies
 
@@ -757,7 +756,7 @@ class ContactSolver(Variants):
         ContactWarning
             A loop did not close.
         """
-        from skfem_contact.history.damping import damping
+        from skfem_contact.answers.tangent.modes import damping
 
         return damping(self, result, modes, amplitudes, mode, steps, cycles)
 

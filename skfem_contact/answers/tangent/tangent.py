@@ -189,9 +189,8 @@ class Tangent:
         trial = local.tangential_force + k * way if t > 1 else BEYOND * self.direction
         by = self.rule.mapped(trial, local.normal_force, local.slip)[2]
         # the bound of glue that is pulled stays as it is
-        by_normal = np.where(self.presses[:, None], by.normal_force, 0.0)
-        mapped = Derivatives(by.trial, by_normal, by.slip)
-        found = mapped_slopes(mapped, self.slips, self.elastic, k, np.isinf(stiffness), trial)
+        by = by._replace(normal_force=np.where(self.presses[:, None], by.normal_force, 0.0))
+        found = mapped_slopes(by, self.slips, self.elastic, k, np.isinf(stiffness), trial)
         if not self.rule.steady:
             return found
         spring = 0.5 * (found.spring + found.spring.swapaxes(1, 2))  # round-off alone makes it odd
