@@ -1,7 +1,8 @@
 r"""Vibration about a state of contact: its modes, and how friction damps them.
 
-*Modes* are those of an assembly that is pressed together, or slides. Small vibrations leave the statuses of all points as they are: closed gaps stay closed, and what
-sticks sticks. With ``u = T u_r`` under these constraints
+*Modes* are those of an assembly that is pressed together, or slides. Small vibrations leave the
+statuses of all points as they are: closed gaps stay closed, and what sticks sticks. With
+``u = T u_r`` under these constraints
 
     T'KT u_r = omega^2 T'MT u_r.
 
