@@ -148,8 +148,9 @@ def change(by: Parameter, tangent: Tangent) -> Values:
     (m, d), b = answer.kin.normal.shape, len(answer.bolt_names)
     of_dofs, of_bolts = dict.fromkeys(LOADS, (answer.system.n,)), dict.fromkeys(BOLTS, (b,))
     p = np.zeros((of_dofs | of_bolts | {"motion": (m, d)}).get(by.kind, (m, 1)))
+    whole = by.along is None or (by.kind == "stiffness" and issparse(by.along))
     for _, at in places:
-        p[at] = 1.0 if by.along is None or issparse(by.along) else _field(by, p[at])
+        p[at] = 1.0 if whole else _field(by, p[at])
     values = {FIELD: p}
     take(_maps(by, tangent, places), values)
     return values
