@@ -176,9 +176,10 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
     """What the values of a parameter at each point or DOF change, which are zero at other places."""
     answer, bolts, kind = tangent.answer, tangent.bolts, by.kind
     case, system, kin = answer.case, answer.system, answer.kin
-    if kind in BOLTS:
-        own = tangent.tightened if kind == "bolt_force" else ~tangent.tightened & ~tangent.locked
-        return [("drive", FIELD, own / np.where(tangent.tightened, bolts.k, 1.0))]
+    own: Array
+    if bolts is not None and kind in BOLTS:
+        given = tangent.tightened if kind == "bolt_force" else ~tangent.tightened & ~tangent.locked
+        return [("drive", FIELD, given / np.where(tangent.tightened, bolts.k, 1.0))]
     if kind == "stiffness":
         borne, along = np.zeros(system.n), by.along
         for i, at in places:
@@ -207,10 +208,10 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
             on[at, 0] = _by_coefficient(tangent, i, at)
         return [("bound", FIELD, on), ("mapped", FIELD, (tangent.direction * on)[:, :, None])]
     if kind == "motion":
-        on = -1.0 * kin.paired[:, None, None]
-        return [("gap0", FIELD, on * kin.normal[:, None]), ("slip0", FIELD, on * kin.axes)]
-    on = 1.0 * kin.paired[:, None]
-    rows = on if kin.gap_weights is None else diags(on[:, 0]) @ kin.gap_weights
+        own = -1.0 * kin.paired[:, None, None]
+        return [("gap0", FIELD, own * kin.normal[:, None]), ("slip0", FIELD, own * kin.axes)]
+    own = 1.0 * kin.paired[:, None]
+    rows = own if kin.gap_weights is None else diags(own[:, 0]) @ kin.gap_weights
     return [("given", FIELD, np.array([1.0 if kind == "gap" else -1.0])), ("gap0", "given", rows)]
 
 
@@ -309,13 +310,11 @@ def _eased(tangent: Tangent) -> Maps:
 
 def _places(by: Parameter, answer: Answer) -> Places:
     """Bodies of a parameter with their DOFs, contacts with their points, or bolts."""
-    if by.kind in BOLTS:
-        known = zip(answer.bolt_names, answer.bolts.bolts, strict=True)
-        named = np.array([by.of is None or by.of == name or by.of is bolt for name, bolt in known])
+    if (bolts := answer.bolts) is not None and by.kind in BOLTS:
+        each = zip(bolts.names, bolts.bolts, strict=True)
+        named = np.array([by.of is None or by.of == name or by.of is bolt for name, bolt in each])
         if not named.any():
-            raise InputError(
-                f"{by!r}: there is no such bolt; there are {', '.join(answer.bolt_names)}."
-            )
+            raise InputError(f"{by!r}: there is no such bolt; there are {', '.join(bolts.names)}.")
         return [(0, named)]
     if by.kind in LOADS:
         system = answer.system

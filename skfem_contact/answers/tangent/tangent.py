@@ -317,10 +317,10 @@ class Tangent:
     def _forth(self, values: Values) -> Callable[[], Array]:
         """`solved` without rims."""
         held, (zone, key) = self.conditions, self.zones.fitting(self.conditions, self.local.gap)
-        driven = {name: values[name] for name in ("anchor", "offset") if name in values}
+        anchor, offset = (values.get(name, held.anchor) for name in ("anchor", "offset"))
         case = self._case(values)
         load = self.problem.other_load(case)
-        found = zone.solve(replace(held, **driven), load, key)
+        found = zone.solve(replace(held, anchor=anchor, offset=offset), load, key)
         values |= {"gap": found.gap[:, None], "normal_force": found.normal_force[:, None]}
         values |= {"slip": found.slip, "friction": found.tangential_force}
         return lambda: self._recovered(self.problem.source(load, found).values, case)
@@ -329,7 +329,7 @@ class Tangent:
         """`solved` backwards, without rims."""
         (m, t), problem = self.local.slip.shape, self.problem
         zone, key = self.zones.fitting(self.conditions, self.local.gap)
-        forces, held, given = np.zeros(len(problem.compliance.W)), 0.0, Values()
+        forces, held, given = np.zeros(len(problem.compliance.W)), np.zeros(1), Values()
         if "u" in values:
             given["f"] = values["u"]
             load = problem.other_load(self._case(given))
@@ -344,8 +344,8 @@ class Tangent:
     def _case(self, given: Values) -> LoadCase:
         """Return the load case of changes of the loads f, x, and of gap0 and slip0."""
         n, (m, t) = self.answer.system.n, self.local.slip.shape
-        sizes = {"f": n, "x": n, "gap0": (m, 1), "slip0": (m, t)}
-        f, x, gap0, slip0 = (given.get(name, np.zeros(size)) for name, size in sizes.items())
+        f, x = (given[name] if name in given else np.zeros(n) for name in "fx")
+        gap0, slip0 = given.get("gap0", np.zeros((m, 1))), given.get("slip0", np.zeros((m, t)))
         return LoadCase(f, x, gap0[:, 0], slip0, np.zeros(m), ())
 
     def _recovered(self, force: Array, case: LoadCase) -> Array:
