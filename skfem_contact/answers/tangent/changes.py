@@ -208,9 +208,9 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
             on[at, 0] = _by_coefficient(tangent, i, at)
         return [("bound", FIELD, on), ("mapped", FIELD, (tangent.direction * on)[:, :, None])]
     if kind == "motion":
-        own = -1.0 * kin.paired[:, None, None]
+        own = np.where(kin.paired, -1.0, 0.0)[:, None, None]
         return [("gap0", FIELD, own * kin.normal[:, None]), ("slip0", FIELD, own * kin.axes)]
-    own = 1.0 * kin.paired[:, None]
+    own = np.where(kin.paired, 1.0, 0.0)[:, None]
     rows = own if kin.gap_weights is None else diags(own[:, 0]) @ kin.gap_weights
     return [("given", FIELD, np.array([1.0 if kind == "gap" else -1.0])), ("gap0", "given", rows)]
 
