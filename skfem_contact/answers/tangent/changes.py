@@ -21,12 +21,12 @@ from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import known_keywords, numbers, shown
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.member import Member
-from skfem_contact.carried import copied
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.friction import Coulomb, Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.state import transport
 from skfem_contact.errors import InputError
+from skfem_contact.sealed import copied
 
 #: What changes loads of bodies, so that derivatives by these are needed inside; then what does not.
 LOADS = "stiffness", "load", "displacement", "scene"
