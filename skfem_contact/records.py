@@ -232,7 +232,8 @@ def entrances(
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Return `__getattr__` and `__dir__` of a package that hands out names of its modules.
 
-    They are imported when they are asked for; ``dir`` shows the public ones only.
+    They are imported when they are asked for; ``dir`` shows the public ones only. A module of another
+    package has one more dot, ``".answers.result"``.
 
     >>> find, names = entrances("skfem_contact.bodies", [], {"normal_field": "twin_edges"})
     >>> find("twin_edges").__module__
@@ -243,6 +244,6 @@ def entrances(
     def find(name: str) -> Any:
         if name not in place:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(import_module(f"{package}.{place[name]}"), name)
+        return getattr(import_module(f".{place[name]}", package), name)
 
     return find, lambda: [*public]

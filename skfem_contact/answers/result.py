@@ -39,7 +39,7 @@ from skfem_contact.records import dataclass, once
 from skfem_contact.sealed import sealed
 
 if TYPE_CHECKING:
-    from skfem_contact.answers.tangent.sensitivity import Sensitivity
+    from skfem_contact.answers.tangent.derivatives import Sensitivity
     from skfem_contact.answers.tangent.tangent import Tangent
     from skfem_contact.answers.uniqueness import Uniqueness
 
@@ -372,7 +372,7 @@ class ContactResult(ByContact):
         InputError
             This answer has no derivatives, or none by this; the message says why.
         """
-        from skfem_contact.answers.tangent.sensitivity import sensitivity
+        from skfem_contact.answers.tangent.derivatives import sensitivity
 
         return sensitivity(self.linearized, by, after, side)
 

@@ -58,11 +58,10 @@ from skfem_contact.records import Lock
 from skfem_contact.sealed import carried, sealed
 
 if TYPE_CHECKING:
-    from skfem_contact.answers.tangent.modes import Modes
+    from skfem_contact.answers.tangent.derivatives import Gradient, Jacobian
+    from skfem_contact.answers.tangent.modes import Damping, Modes
     from skfem_contact.history.checkpoint import SavedState
-    from skfem_contact.history.damping import Damping
     from skfem_contact.history.equilibrium import Known
-    from skfem_contact.history.gradients import Gradient, Jacobian
     from skfem_contact.problem.model import AnyBodies
 
 S = TypeVar("S", bound="ProblemSetup")
@@ -758,7 +757,7 @@ class ContactSolver(Variants):
         ContactWarning
             A loop did not close.
         """
-        from skfem_contact.history.damping import damping
+        from skfem_contact.answers.tangent.modes import damping
 
         return damping(self, result, modes, amplitudes, mode, steps, cycles)
 
@@ -815,9 +814,9 @@ class ContactSolver(Variants):
         >>> f"{found.value:.6f}, {found.parts[0]:.6f}"
         '0.000100, -0.020000'
         """
-        from skfem_contact.history.gradients import gradient
+        from skfem_contact.answers.tangent.derivatives import gradient
 
-        return gradient(lambda: self.history(steps, start=start), objective, by)
+        return gradient(lambda: self.history(steps, start=start), objective, by, self.recover)
 
     @known_keywords(**OF_SOLVER)
     def jacobian(
@@ -854,9 +853,9 @@ class ContactSolver(Variants):
         InputError
             There is no derivative; the message says why.
         """
-        from skfem_contact.history.gradients import jacobian
+        from skfem_contact.answers.tangent.derivatives import jacobian
 
-        return jacobian(lambda: self.history(steps, start=start), observe, by, side)
+        return jacobian(lambda: self.history(steps, start=start), observe, by, side, self.recover)
 
     @known_keywords()
     def save_state(self, path: str | Path, result: ContactResult | SavedState) -> Path:

@@ -240,24 +240,8 @@ class Unknowns(NamedTuple):
     since: Array
 
 
-class Duals(NamedTuple):
-    """Derivatives of a number by what an answer follows from.
-
-    Attributes
-    ----------
-    load, moved : ndarray
-        By the forces h on gaps and slips, (q,); and S times that. Of a `Zone`, `moved` is by what gaps,
-        slips and anchors do where contact carries nothing.
-    gap0 : ndarray, shape (m,)
-    slip0, anchor, offset : ndarray, shape (m, d-1)
-    """
-
-    load: Array
-    moved: Array
-    gap0: Array
-    slip0: Array
-    anchor: Array
-    offset: Array
+#: Derivatives of a number by what an answer follows from.
+Duals = dict[str, Array]
 
 
 class LoadForces:
@@ -372,6 +356,12 @@ class PointSpace:
             Derivatives of a number by gaps, slips and forces; by the solution z too.
         key : object
             As of `unknowns`.
+
+        Returns
+        -------
+        dict of ndarray
+            Derivatives by the forces h on gaps and slips, `load` (q,), and S times that, `moved`; by
+            gap0 (m, 1), and by slip0, anchor and offset, (m, d-1).
         """
         rows = self._held(conditions, key)
         q, slip, normal_force, tangential = len(self.S), of.slip, of.normal_force, of.tangential_force
@@ -408,7 +398,8 @@ class PointSpace:
             held[rows.slides] = base[rows.sliding]
             given = np.einsum("ikl,ik->il", conditions.spring, known)
             held -= np.where(rows.slides, 0.0, given)
-        return Duals(r - p, own - base, gap0, slip - held, held - way, by_law + known)
+        found = {"load": r - p, "moved": own - base, "gap0": gap0[:, None], "slip0": slip - held}
+        return found | {"anchor": held - way, "offset": by_law + known}
 
     def _held(self, conditions: Conditions, key: object) -> HeldRows:
         """The rows that conditions hold; of the last ones, if their matrix is the same."""

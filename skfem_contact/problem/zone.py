@@ -364,6 +364,12 @@ class Zone:
         of : Response
             Derivatives of a number by gaps, slips and forces of all points; its solution those by the
             forces of all rows and of the springs on anchors, which come on top.
+
+        Returns
+        -------
+        dict of ndarray
+            As of `PointSpace.adjoint`; `moved` is by what gaps, slips and anchors do where contact
+            carries nothing.
         """
         forces, moved = of.solution.copy(), np.zeros(len(of.solution))
         q, by_z = len(forces) - len(self._A_qq), np.zeros(len(self.rows))
@@ -378,13 +384,12 @@ class Zone:
         p = np.concatenate((forces[:q], NO_ROW))
         normal_force = of.normal_force + p[self._normal]
         friction = of.tangential_force - p[self._tangential]
-        found = self.space.adjoint(
-            conditions, Response(of.gap, of.slip, normal_force, friction, by_z), key
-        )
-        moved[self.rows] = found.moved - by_z
+        own = Response(of.gap, of.slip, normal_force, friction, by_z)
+        found = self.space.adjoint(conditions, own, key)
+        moved[self.rows] = found["moved"] - by_z
         if len(forces) > q:
-            moved[q:] = self._A_qq @ anchors - self._carried @ found.load
-        return found._replace(moved=moved)
+            moved[q:] = self._A_qq @ anchors - self._carried @ found["load"]
+        return found | {"moved": moved}
 
 
 def indefinite_inverse(W: Array, refuses: bool = True) -> Array:
