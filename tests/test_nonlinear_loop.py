@@ -501,3 +501,53 @@ def test_a_straight_column_under_friction(linear: Any) -> None:
     assert abs(last.force[0]) < 1e-8 * abs(last.force[1])
     assert last.certificate.worst < 1e-9
     assert len(last.newton) <= 3
+
+
+def gasket(along: float) -> FromFunction:
+    """A layer of thickness one: pressures over closures from a table, and hardly stiff in shear."""
+    closures, pressures = np.array([(0.0, 0.0), (0.01, 2.0), (0.02, 10.0), (0.03, 40.0)]).T
+
+    def law(H: Any, state: Any) -> Any:
+        strain, one = 0.5 * (H + H.swapaxes(0, 1)), np.eye(len(H))
+        shear = along * (np.einsum("ik,jl", one, one) + np.einsum("il,jk", one, one))
+        tangent = np.broadcast_to(shear[..., None, None], (*shear.shape, *H.shape[2:])).copy()
+        stress, closure = 2.0 * along * strain, -strain[1, 1]
+        piece = np.clip(np.searchsorted(closures, closure) - 1, 0, 2)
+        tangent[1, 1, 1, 1] = (np.diff(pressures) / np.diff(closures))[piece]
+        stress[1, 1] = -pressures[piece] - tangent[1, 1, 1, 1] * (closure - closures[piece])
+        return stress, tangent, {}
+
+    return FromFunction(law, {})
+
+
+def closed_gasket(along: float, nx: int = 5) -> sc.answers.ContactResult:
+    """The gasket between two steel blocks that match it nowhere, pressed in four steps."""
+    steel = sc.Elastic(1000.0, 0.0)
+    low = sc.Body(rectangle(0, 10, -11, -1, 4, 2), steel, D="bottom", name="low")
+    layer = rectangle(0, 10, -1, 0, nx, 1)
+    middle = sc.NonlinearBody(layer, gasket(along), D={"left": "x"}, name="gasket")
+    load = {"top": (0.0, -6.0)}
+    up = sc.Body(rectangle(0, 10, 0, 10, 6, 2), steel, load, D={"left": "x"}, name="up")
+    pairs = [
+        sc.Contact(middle.surface("bottom"), low.surface("top"), name="below"),
+        sc.Contact(up.surface("bottom"), middle.surface("top"), name="above"),
+    ]
+    *_, last = sc.ContactSolver([low, middle, up], pairs).history([0.25, 0.5, 0.75, 1.0])
+    return last
+
+
+@pytest.mark.parametrize("along", [1e-2, 1e-3, 1e-4])
+def test_a_gasket_that_hardly_resists_shear(along: float) -> None:
+    """Its flutter between the blocks is a million times softer than these: p = 6 closes it by .015."""
+    result = closed_gasket(along)
+    bodies = {body.name: body for body in result.system.bodies}
+    top = result.displacement("up")[bodies["up"].basis.get_dofs("top").nodal["u^2"]]
+    assert_allclose(top, -0.015 - 2 * 6.0 * 10 / 1000.0, rtol=1e-7)
+    assert_allclose(result["above"].pressure, 6.0, rtol=1e-6)
+
+
+def test_a_layer_that_does_not_resist_shear_is_no_limit_point() -> None:
+    """By 1e-9 of the blocks: forces come to balance, and do not tell where its nodes are."""
+    with pytest.raises(sc.errors.NotConverged, match="nearly singular") as failed:
+        closed_gasket(1e-6)
+    assert "limit point" not in str(failed.value)

@@ -55,13 +55,35 @@ TAKEN = (
     "a dict of those, or a function of the basis that returns one of them"
 )
 
+#: Names of `skfem.Mesh.with_defaults`: both ends of the body along x, y and z.
+ENDS = "left", "right", "bottom", "top", "front", "back"
 
-def unknown_boundary(name: str, mesh: Any) -> str:
-    """Message about a boundary name that the mesh does not have."""
-    tail = suggest(name, mesh.boundaries or {}, "boundaries")
-    if name in ("left", "right", "bottom", "top", "front", "back"):
-        tail += " (default names need mesh.with_defaults(); joining meshes by + drops names)"
-    return f"boundary {name!r} not found in the mesh{tail}"
+
+def facets_named(name: str, mesh: Any, what: str = "") -> Any:
+    """Facets of a boundary of the mesh; `what` begins the messages.
+
+    Raises
+    ------
+    InputError
+        The mesh does not have it, or `skfem.Mesh.with_defaults` gave the same facets to both ends.
+    """
+    known = mesh.boundaries or {}
+    if name not in known:
+        tail = suggest(name, known, "boundaries")
+        if name in ENDS:
+            tail += " (default names need mesh.with_defaults(); joining meshes by + drops names)"
+        raise InputError(f"{what}boundary {name!r} not found in the mesh{tail}")
+    if name in ENDS and (opposite := ENDS[ENDS.index(name) ^ 1]) in known:
+        both, axis = np.intersect1d(known[name], known[opposite]), ENDS.index(name) // 2
+        if len(both):
+            end = (np.min, np.max)[ENDS.index(name) % 2](mesh.doflocs[axis])
+            raise InputError(
+                f"{what}boundaries {name!r} and {opposite!r} of the mesh share {len(both)} facets: "
+                "mesh.with_defaults() takes both ends for one where elements are far wider than the "
+                "body is thick. Name them by position: mesh.with_boundaries("
+                f"{{{name!r}: lambda x: np.isclose(x[{axis}], {end:g}), ...}})"
+            )
+    return known[name]
 
 
 def check_basis(basis: Any, whose: str) -> None:
@@ -322,9 +344,7 @@ def prescribed_dofs(D: Any, basis: Any, whose: str) -> np.ndarray:
     if callable(D) and not isinstance(D, DofsView):
         return prescribed_dofs(D(basis), basis, whose)
     if isinstance(D, str):
-        if D not in (basis.mesh.boundaries or {}):
-            raise InputError(f"D of {whose}: {unknown_boundary(D, basis.mesh)}")
-        if not len(basis.mesh.boundaries[D]):
+        if not len(facets_named(D, basis.mesh, f"D of {whose}: ")):
             raise InputError(
                 f"D of {whose}: boundary {D!r} has no facets in the mesh, so that nothing would be "
                 "held. Look at how it was selected: a function of position has to hold at the "

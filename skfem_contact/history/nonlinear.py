@@ -34,10 +34,12 @@ import numpy as np
 
 from skfem_contact.answers.placed import Iteration, Placed, point_forces
 from skfem_contact.arrays import Array, largest
+from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.digits import COMPUTED, GIVEN
+from skfem_contact.conditions.state import LocalState
+from skfem_contact.digits import COMPUTED, GIVEN, SINGLE
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.history.equilibrium import (
     ARRIVED,
@@ -80,6 +82,11 @@ NO_DESCENT = (
     "bodies yield as a whole, buckle or snap. Prescribe displacements instead of forces to go beyond "
     "it, or take smaller steps; "
 )
+LOOSE = (
+    "Iterates come to equilibrium but for round-off, which moves a body far: its tangents are nearly "
+    "singular with contact as it is. Usually a layer resists shear or bending by less than a millionth "
+    "of what its neighbours do: make it stiffer there, or hold it by D; "
+)
 
 
 class NoAnswer(Exception):
@@ -89,7 +96,7 @@ class NoAnswer(Exception):
         self, why: str, verdict: Verdict | None = None, attempt: Attempt | None = None
     ) -> None:
         super().__init__(why)
-        self.verdict = Verdict(advice=NO_DESCENT) if verdict is None else verdict
+        self.verdict = verdict
         self.attempt = attempt
 
 
@@ -151,6 +158,8 @@ class NonlinearSearch:
     recovery: Recovery = field(init=False)
     last: EquilibriumSearch = field(init=False)
     _reached: Placed | None = None
+    _near: bool = False  # to equilibrium, to half of the digits
+    _around: str = ""  # the point that an iterate has led around a corner
 
     def find(self) -> Verdict:
         """Find the answer, in parts of the step where it does not come at once."""
@@ -193,6 +202,7 @@ class NonlinearSearch:
         now, on, own = self._forecast(part), None, None
         step, secant = replace(part, pairing=self._pairing(part, now.placed.u)), Anderson()
         exact, closing, shift, left, most = True, False, 0.0, np.inf, 0.0
+        self._near, self._around = False, ""  # of this part
         for number in range(1, options.max_placements + 1):
             try:
                 attempt, u = self._solve(step, now.placed.stiffened(base.stiffness, shift), exact)
@@ -212,6 +222,7 @@ class NonlinearSearch:
             balanced = now.share == 1.0 and now.most <= now.limit and holds(attempt, u)
             self._reached, self.advance.attempt = now.placed, attempt
             attempt, own = self._judged(step, attempt, u, FAR if number == 1 else 1.0)
+            self._near = now.most <= SINGLE * now.scale and attempt.good
             self.advance.attempt = attempt
             if balanced and attempt.good:
                 if not self._stretched(on, own, attempt):
@@ -279,12 +290,22 @@ class NonlinearSearch:
         assert own is not None
         mismatch = geometry.mismatch(step.pairing[0], own[0], attempt.local, by.barred)
         if mismatch > by.options.placement_tolerance:
+            self._around = self._led_around(step.pairing[0], own[0], attempt.local) or self._around
             failure = f"the pairing moves by {mismatch:.1e}"
             return replace(attempt, mismatch=mismatch, failure=failure), own
         attempt = settled(by, attempt, own[0], mismatch)
         if attempt.failure:
             raise NoAnswer(attempt.failure, attempt=attempt)
         return attempt, own
+
+    def _led_around(self, old: Kinematics, new: Kinematics, local: LocalState) -> str:
+        """The point, in words, whose force would be another one, as its normal turns by a corner."""
+        turned = (local.normal_force != 0) & (np.einsum("id,id->i", old.normal, new.normal) < CORNER)
+        if not turned.any():
+            return ""
+        point = int(np.argmax(np.where(turned, local.normal_force, -np.inf)))
+        words = self.stepper.model.interface.point_words(point, new.points[point])
+        return f"{words} meets another partner"
 
     def _forecast(self, part: LoadStep) -> Reached:
         """Where bodies are linearised first: on the way of the step before, or a little way back."""
@@ -402,13 +423,17 @@ class NonlinearSearch:
 
     def _refused(self, none: NoAnswer, share: float) -> Verdict:
         """Why there is no answer, with the share of the step that was reached."""
-        attempt = vars(self.advance).get("attempt")
+        attempt, why, verdict = vars(self.advance).get("attempt"), str(none), none.verdict
+        if verdict is None and self._around:
+            why, verdict = f"{why}; {self._around}", Verdict(advice=CORNERS)
+        elif verdict is None:
+            verdict = Verdict(advice=LOOSE if self._near else NO_DESCENT)
         if attempt is not None:
             self.placed = self._reached or self.placed
             self.recovery = replace(Recovery.of(attempt), u=self.placed.u)
-            self.advance.attempt = replace(attempt, failure=str(none), case=self.step.target)
+            self.advance.attempt = replace(attempt, failure=why, case=self.step.target)
         carries = f"The bodies bear up to {share:.4g} of this step" + _load(self.step, share) + ". "
-        return replace(none.verdict, carries=carries, reached=attempt is not None)
+        return replace(verdict, carries=carries, reached=attempt is not None)
 
 
 def _work(part: LoadStep, kin: Kinematics, trend: Array) -> float:

@@ -57,7 +57,7 @@ def refined(attempt: Attempt, u: Array, at: Placed) -> tuple[Attempt, Array]:
     problem, it, rough = attempt.problem, attempt.outcome.iterate, attempt.model.route in ROUGH
     answer, given = it.response, it.conditions
     by_forces = rough or problem.source(attempt.load, answer).forces
-    if problem.springs is not None or not by_forces:
+    if not by_forces:
         return attempt, u
     kin, f = problem.kin, np.zeros(len(u))
     if rough:
