@@ -485,6 +485,29 @@ def test_a_corner_that_alternates_between_two_faces_is_named() -> None:
     assert len(error.value.results) == 2
 
 
+@pytest.mark.parametrize("mu", [0.0, 0.2])
+def test_a_hook_that_falls_off_an_edge_is_told_which(mu: float) -> None:
+    """A snap hook on a rigid catch, whose last edge stands at x = 22.5: behind it nothing is near."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 20, 21), np.linspace(-1, 1, 5))
+    mesh = mesh.restrict(mesh.elements_satisfying(lambda x: (x[1] > 0) | (x[0] > 17)))
+    x, below = mesh.p[0], np.maximum(-mesh.p[1], 0.0)
+    ramp = 17 + 0.4 * below + (x - 17) / 3 * (3 - 1.4 * below)
+    mesh = mesh.morphed(lambda p: np.where(below > 0, ramp, x), lambda p: p[1]).with_boundaries(
+        {"root": lambda x: x[0] == 0, "hook": lambda x: (x[1] <= 0) & (x[0] > 16)}
+    )
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    thin = sc.materials.SaintVenantKirchhoff(2000.0, 0.3)
+    beam = sc.NonlinearBody(basis, thin, D="root", name="beam", mean_dilatation=False)
+    catch = sc.RigidPolyline([(20.5, 0), (20.5, -6), (22.5, -6), (22.5, 0)], closed=True)
+    law = sc.Coulomb(mu) if mu else None
+    contact = sc.Contact(beam.surface("hook"), catch, friction=law, sliding="finite", name="snap")
+    ways = [{"x": {"beam": {"root": (w, 0.0)}}} for w in (0, 0.5, 1.0, 1.5, 2.0, 2.5, 2.75, 3.0)]
+    solver = sc.ContactSolver(beam, contact, options=sc.Options(max_cuts=3))
+    with pytest.raises(sc.errors.NotConverged, match=r"point \d of contact 'snap'.*sharp corners") as error:
+        list(solver.history(ways))
+    assert "limit point" not in str(error.value)
+
+
 @pytest.mark.parametrize("linear", ["auto", sc.linalg.Direct()])
 def test_a_straight_column_under_friction(linear: Any) -> None:
     """Nothing pushes it aside: beyond its buckling load it stays straight, as the warning says."""

@@ -159,7 +159,7 @@ class NonlinearSearch:
     last: EquilibriumSearch = field(init=False)
     _reached: Placed | None = None
     _near: bool = False  # to equilibrium, to half of the digits
-    _around: str = ""  # the point that an iterate has led around a corner
+    _around: str = ""  # the first point that an iterate has led around a corner
 
     def find(self) -> Verdict:
         """Find the answer, in parts of the step where it does not come at once."""
@@ -255,9 +255,14 @@ class NonlinearSearch:
         if on is None or own is None or attempt.mismatch <= options.placement_tolerance:
             return NoAnswer(why)
         interface, point = model.interface, model.geometry.least_settled(on[0], own[0], attempt.local)
-        corners = has_corners(interface.contacts[interface.contact_of(point)])
         why += f"; {interface.point_words(point, own[0].points[point])} meets another partner"
-        return NoAnswer(why, Verdict(advice=CORNERS) if corners else None)
+        return NoAnswer(why, self._advice(point))
+
+    def _advice(self, point: int) -> Verdict:
+        """What to try where contact at a point does not settle, or goes too far."""
+        interface = self.stepper.model.interface
+        corners = has_corners(interface.contacts[interface.contact_of(point)])
+        return Verdict(advice=CORNERS if corners else NO_DESCENT)
 
     def _pairing(self, step: LoadStep, u: Array) -> Pairing:
         """The pairing at displacements u (n,), from the one before; None where it never changes."""
@@ -285,17 +290,17 @@ class NonlinearSearch:
             return attempt, None
         attempt = travelled(by, attempt, far)
         if attempt.failure:
-            raise NoAnswer(attempt.failure, attempt=attempt)
+            raise NoAnswer(attempt.failure, self._advice(attempt.culprit), attempt)
         own = self._pairing(step, u)
         assert own is not None
         mismatch = geometry.mismatch(step.pairing[0], own[0], attempt.local, by.barred)
         if mismatch > by.options.placement_tolerance:
-            self._around = self._led_around(step.pairing[0], own[0], attempt.local) or self._around
+            self._around = self._around or self._led_around(step.pairing[0], own[0], attempt.local)
             failure = f"the pairing moves by {mismatch:.1e}"
             return replace(attempt, mismatch=mismatch, failure=failure), own
         attempt = settled(by, attempt, own[0], mismatch)
         if attempt.failure:
-            raise NoAnswer(attempt.failure, attempt=attempt)
+            raise NoAnswer(attempt.failure, self._advice(attempt.culprit), attempt)
         return attempt, own
 
     def _led_around(self, old: Kinematics, new: Kinematics, local: LocalState) -> str:
@@ -304,7 +309,7 @@ class NonlinearSearch:
         if not turned.any():
             return ""
         point = int(np.argmax(np.where(turned, local.normal_force, -np.inf)))
-        words = self.stepper.model.interface.point_words(point, new.points[point])
+        words = self.stepper.model.interface.point_words(point, old.points[point])
         return f"{words} meets another partner"
 
     def _forecast(self, part: LoadStep) -> Reached:
