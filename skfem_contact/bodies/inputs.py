@@ -18,7 +18,7 @@ from skfem_contact.bodies.assembly import Assembled, assembled
 from skfem_contact.bodies.member import RemoteStiffness
 from skfem_contact.bodies.quadrature import DeferredBasis, integrates, parts, scalar_element
 from skfem_contact.bodies.thresholds import PENALTY
-from skfem_contact.digits import COMPUTED, GIVEN
+from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF
 from skfem_contact.errors import InputError, warn
 from skfem_contact.sealed import sealed_matrix
 
@@ -73,15 +73,18 @@ def facets_named(name: str, mesh: Any, what: str = "") -> Any:
         if name in ENDS:
             tail += " (default names need mesh.with_defaults(); joining meshes by + drops names)"
         raise InputError(f"{what}boundary {name!r} not found in the mesh{tail}")
-    if name in ENDS and (opposite := ENDS[ENDS.index(name) ^ 1]) in known:
-        both, axis = np.intersect1d(known[name], known[opposite]), ENDS.index(name) // 2
+    if name in ENDS:
+        axis = ENDS.index(name) // 2
+        low, high = ENDS[2 * axis : 2 * axis + 2]
+        both = np.intersect1d(known[low], known[high]) if low in known and high in known else ()
         if len(both):
-            end = (np.min, np.max)[ENDS.index(name) % 2](mesh.doflocs[axis])
+            x = mesh.doflocs[axis]
             raise InputError(
-                f"{what}boundaries {name!r} and {opposite!r} of the mesh share {len(both)} facets: "
+                f"{what}boundaries {low!r} and {high!r} of the mesh share {len(both)} facets: "
                 "mesh.with_defaults() takes both ends for one where elements are far wider than the "
-                "body is thick. Name them by position: mesh.with_boundaries("
-                f"{{{name!r}: lambda x: np.isclose(x[{axis}], {end:g}), ...}})"
+                "body is thick. Name both by position: mesh.with_boundaries("
+                f"{{{low!r}: lambda x: np.isclose(x[{axis}], {x.min():g}), "
+                f"{high!r}: lambda x: np.isclose(x[{axis}], {x.max():g})}})"
             )
     return known[name]
 
@@ -131,6 +134,23 @@ def check_basis(basis: Any, whose: str) -> None:
             f"{bad.size} nodes of the mesh of {whose} have NaN or infinite coordinates, the first "
             f"is node {bad[0]} at {tuple(mesh.doflocs[:, bad[0]].tolist())}"
         )
+    flat = np.flatnonzero(_without_volume(mesh))
+    if flat.size:
+        where = ", ".join(f"{x:.6g}" for x in mesh.p[:, mesh.t[:, flat[0]]].mean(axis=1))
+        raise InputError(
+            f"{flat.size} elements of the mesh of {whose} have no volume, the first is element {flat[0]} "
+            f"at ({where}): its nodes lie on each other, or in line. Usually a coordinate was given "
+            "twice, or the mesh is one of a surface"
+        )
+
+
+def _without_volume(mesh: Any) -> np.ndarray:
+    """Elements whose vertices lie in a plane, in 2-D on a line, (ne,)."""
+    local = np.vstack([np.ones(len(mesh.t)), mesh.refdom.p])
+    slope = np.linalg.pinv(local.T)[1:]  # of the linear function nearest to the vertices
+    J = np.einsum("ike,jk->eij", mesh.p[:, mesh.t], slope, optimize=True)
+    size = np.abs(J).max(axis=(1, 2))
+    return np.asarray(np.abs(np.linalg.det(J)) <= ROUND_OFF * size ** mesh.dim())
 
 
 def deferred_basis(mesh: Any, element: Any, intorder: Any, whose: str) -> DeferredBasis:
