@@ -161,7 +161,7 @@ def test_replace_makes_bodies_of_bodies():
 
 @pytest.mark.parametrize("use", ["D", "D by component", "f", "surface"])
 def test_names_that_both_ends_of_a_thin_layer_have_are_refused(use):
-    """scikit-fem takes both ends of a layer for one where elements are 50 times as wide as it is thick."""
+    """scikit-fem takes both ends for one where elements are 50 times as wide as a layer is thick."""
     wide = np.linspace(0, 100, 9)
     mesh = fem.MeshHex.init_tensor(wide, wide, [-0.1, 0]).with_defaults()
     assert np.array_equal(mesh.boundaries["front"], mesh.boundaries["back"])
@@ -201,7 +201,9 @@ def test_elements_without_volume_are_named():
             if fits:
                 sc.Body.from_mesh(*given)
                 continue
-            with pytest.raises(sc.errors.InputError, match=r"'block' have no volume.* element 1 at \(1, "):
+            with pytest.raises(
+                sc.errors.InputError, match=r"'block' have no volume.* element 1 at \(1, "
+            ):
                 sc.Body.from_mesh(*given, name="block")
     needle = fem.MeshHex.init_tensor(once, 1e-4 * once, 1e-5 * once)
     sc.Body.from_mesh(needle, fem.ElementVector(fem.ElementHex1()), sc.Elastic(1.0, 0.3))

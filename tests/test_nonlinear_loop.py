@@ -503,7 +503,9 @@ def test_a_hook_that_falls_off_an_edge_is_told_which(mu: float) -> None:
     contact = sc.Contact(beam.surface("hook"), catch, friction=law, sliding="finite", name="snap")
     ways = [{"x": {"beam": {"root": (w, 0.0)}}} for w in (0, 0.5, 1.0, 1.5, 2.0, 2.5, 2.75, 3.0)]
     solver = sc.ContactSolver(beam, contact, options=sc.Options(max_cuts=3))
-    with pytest.raises(sc.errors.NotConverged, match=r"point \d of contact 'snap'.*sharp corners") as error:
+    with pytest.raises(
+        sc.errors.NotConverged, match=r"point \d of contact 'snap'.*sharp corners"
+    ) as error:
         list(solver.history(ways))
     assert "limit point" not in str(error.value)
 

@@ -138,9 +138,9 @@ def check_basis(basis: Any, whose: str) -> None:
     if flat.size:
         where = ", ".join(f"{x:.6g}" for x in mesh.p[:, mesh.t[:, flat[0]]].mean(axis=1))
         raise InputError(
-            f"{flat.size} elements of the mesh of {whose} have no volume, the first is element {flat[0]} "
-            f"at ({where}): its nodes lie on each other, or in line. Usually a coordinate was given "
-            "twice, or the mesh is one of a surface"
+            f"{flat.size} elements of the mesh of {whose} have no volume, the first is element "
+            f"{flat[0]} at ({where}): its nodes lie on each other, or in line. Usually a coordinate "
+            "was given twice, or the mesh is one of a surface"
         )
 
 
