@@ -29,10 +29,9 @@ from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import Identity, LocalState, State
 from skfem_contact.errors import InputError
 from skfem_contact.loops.step import Record
-from skfem_contact.once import once
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.seam import Conditions
-from skfem_contact.records import dataclass
+from skfem_contact.records import dataclass, once
 from skfem_contact.sealed import seal, sealed
 
 

@@ -50,7 +50,8 @@ FALLING = 1e-3
 # over the width of the contact, where that is more than a facet (moments); the angle between the normal
 # that is used and the true one [rad]; the error of gaps over the elastic approach of the bodies; force
 # of points beyond the end of the primary over that of the contact; strain or rotation, of which linear
-# elasticity leaves out the square; what moments of second order change of the motion of a tool.
+# elasticity leaves out the square; what moments of second order change of the motion of a tool; what
+# friction by stress on the deformed area differs from that on the area before.
 A_TENTH = 0.1
 
 # -- validity.validity: `Drift` ----------------------------------

@@ -117,7 +117,7 @@ class FrictionLaw(PrintedAsCall):
         normal_force : ndarray, shape (m,)
             Compressive, never negative [force].
         area : ndarray, shape (m,)
-            Tributary area [area].
+            Tributary area, deformed or not as `ContactValues.area` is [area].
         slip : ndarray, shape (m, d-1)
             Slip since the point closed [length].
 
@@ -260,6 +260,8 @@ class Coulomb(FrictionLaw):
 @dataclass(frozen=True, eq=False, init=False)
 class Tresca(FrictionLaw):
     """Tresca friction: a bound that does not depend on the pressure, ``L = tau_max A``.
+
+    The area of bodies of large strain is the deformed one with ``sliding="finite"``.
 
     Parameters
     ----------

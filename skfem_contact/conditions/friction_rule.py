@@ -16,7 +16,6 @@ import numpy as np
 from skfem_contact.arguments import numbers
 from skfem_contact.arrays import Array, Index, Mask, lengths, unit_vectors
 from skfem_contact.bodies.selection import written
-from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import (
     BEYOND,
     Coulomb,
@@ -33,6 +32,7 @@ from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.digits import COMPUTED, SINGLE
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
+from skfem_contact.sealed import ByFields
 
 # Coefficients from here on are larger than those of any pair of materials, sticky rubber (3) included.
 STEEP = 5.0

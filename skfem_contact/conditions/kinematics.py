@@ -20,7 +20,7 @@ from functools import cached_property, partial
 import numpy as np
 from scipy.sparse import block_diag, csr_matrix, identity
 
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, entries
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact, field_values
@@ -41,9 +41,8 @@ from skfem_contact.conditions.rows import (
 )
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
+from skfem_contact.pairing.dual import can_move
 from skfem_contact.pairing.node import Pairing, gap_vectors, gap_weights
-from skfem_contact.pairing.supports import can_move
-from skfem_contact.pairing.vectors import entries
 from skfem_contact.records import dataclass
 
 ALL = slice(None)

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from skfem_contact.arrays import Array, Mask, largest
-from skfem_contact.carried import ByFields
 from skfem_contact.obstacles.obstacle import rotation_matrix, spin
 from skfem_contact.records import dataclass
+from skfem_contact.sealed import ByFields
 
 
 @dataclass(frozen=True, eq=False)

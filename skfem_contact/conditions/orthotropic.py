@@ -35,13 +35,12 @@ from numpy.typing import ArrayLike
 from skfem_contact.arguments import numbers, shown, with_known_keywords
 from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.selection import written
-from skfem_contact.carried import carried
 from skfem_contact.conditions.friction import Coulomb, FrictionLaw
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.records import dataclass
-from skfem_contact.sealed import kept, sealed
+from skfem_contact.sealed import carried, kept, sealed
 
 # Least ratio of two coefficients of friction. Rows of slips are multiplied by it, and have to stay far
 # above GIVEN, below which a row counts as prescribed.

@@ -7,7 +7,7 @@
 
 from typing import TYPE_CHECKING
 
-from skfem_contact.entrances import entrances
+from skfem_contact.records import entrances
 
 if TYPE_CHECKING:
     from skfem_contact.elimination.condensed_system import ConstraintRows as ConstraintRows

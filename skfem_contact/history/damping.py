@@ -34,11 +34,11 @@ from skfem_contact.answers.tangent.modes import Modes, mass
 from skfem_contact.arguments import check_kind, numbers, shown, whole_number
 from skfem_contact.arrays import Array
 from skfem_contact.assemblies.joints import aligned
-from skfem_contact.carried import copied
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, warn
 from skfem_contact.history.load_step import recover_all
 from skfem_contact.records import dataclass
+from skfem_contact.sealed import copied
 
 # A loop is closed if its ends are nearer than this part of its width: so much of its area has no
 # meaning, two digits of a damping that meshes and friction coefficients tell to one.

@@ -35,7 +35,6 @@ from skfem_contact.bodies.inputs import Loads
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import stack
-from skfem_contact.carried import carried
 from skfem_contact.conditions.checks import check_passes, warn_unfelt_wear
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.friction import FrictionLaw
@@ -55,7 +54,8 @@ from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.substructure import Substructure
-from skfem_contact.sealed import sealed
+from skfem_contact.records import Lock
+from skfem_contact.sealed import carried, sealed
 
 if TYPE_CHECKING:
     from skfem_contact.answers.tangent.modes import Modes
@@ -117,7 +117,7 @@ class ProblemSetup(NamesAttributes):
                 self.system.index(surface if isinstance(surface, RigidBody) else surface.body)
         self.geometry = Geometry(self.system, self.contacts)
         self.kin = self.geometry.kin
-        self._reader = self._new_reader()
+        self._reader, self._lock = self._new_reader(), Lock()
         self.timings = {"setup": 0.0}
         self._set_stiffness()
         self.timings["setup"] = time.perf_counter() - start
@@ -185,10 +185,11 @@ class ProblemSetup(NamesAttributes):
 
     def _expect(self, steps: float) -> None:
         """Let more load steps be known before they come: how many there are decides on the route."""
-        model = self.linear_model.expecting(steps)
-        if model is not self.linear_model:
-            self.linear_model = model
-            self._answering = self._new_step_solver()
+        with self._lock:
+            model = self.linear_model.expecting(steps)
+            if model is not self.linear_model:
+                self.linear_model = model
+                self._answering = self._new_step_solver()
 
     def _answered(self, target: LoadCase, before: Known, known: Known, *how: Any) -> Answer:
         """The answer to the next load step; by factors where multigrid has few digits or no end."""

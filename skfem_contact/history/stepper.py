@@ -10,7 +10,6 @@ from scipy.linalg import qr
 from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.arrays import Array, Mask
-from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule, jumps_open
 from skfem_contact.conditions.loads import LoadCase
@@ -30,6 +29,7 @@ from skfem_contact.loops.step import Step, friction_of_prescribed_slip
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.seam import ContactProblem, Load
 from skfem_contact.records import dataclass
+from skfem_contact.sealed import ByFields
 
 # Round-off of contact forces over the terms that cancel where nothing presses.
 NOISE = 10 * float(np.finfo(float).eps)

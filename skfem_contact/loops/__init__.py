@@ -10,7 +10,7 @@
 
 from typing import TYPE_CHECKING
 
-from skfem_contact.entrances import entrances
+from skfem_contact.records import entrances
 
 if TYPE_CHECKING:
     from skfem_contact.loops.step import Record as Record

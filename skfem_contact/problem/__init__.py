@@ -13,7 +13,7 @@
 * `thresholds`: numbers, and where they come from.
 """
 
-from skfem_contact.entrances import entrances
+from skfem_contact.records import entrances
 
 __getattr__, __dir__ = entrances(
     __name__,

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.linalg import LinAlgError
@@ -60,7 +61,7 @@ class Condensed(Substructures):
 
     kind = Substructure
 
-    _along: tuple[list[int], Array, Array] | None = None
+    _along: tuple[list[tuple[int, ...]], Array, Array] | None = None
 
     def flexibility(self, force: Array) -> Array:
         """``F`` times forces on the contact DOFs, (n_c, r) -> (n_c, r)."""
@@ -79,25 +80,27 @@ class Condensed(Substructures):
             symmetrise(W[rows, rows])
         return W
 
-    def load(self, f: Array, x: Array) -> tuple[tuple[Components, ...], Array, Array]:
+    def load(self, f: Array, x: Array) -> tuple[tuple[Components | None, ...], Array, Array]:
         """What `recover` wants to know of loads; forces and displacements of the contact DOFs, (n_c,).
 
-        Of loads that follow from those before only sums of what is known: see `LoadSpan`.
+        Of loads that follow from those before only sums of what is known: see `LoadSpan`. The load of a
+        body that has had too many is its own, beside those of the others.
         """
-        parts = zip(self.substructures, self.spans, strict=True)
+        parts = list(zip(self.substructures, self.spans, strict=True))
         found = [part.components(f[span], x[span]) for part, span in parts]
-        components = tuple([pair for pair in found if pair is not None])
-        if len(components) < len(found):
-            force = self.other_load(f, x)
-            return (), force, self.flexibility(force)
-        known = [c for pair in components for c in pair]
-        counts, c = [len(own) for own in known], np.concatenate(known)
-        if self._along is None or self._along[0] != counts:
-            each = zip(self.substructures, components, strict=True)
+        counts = [tuple(map(len, pair)) if pair else () for pair in found]
+        known = self._along  # which another thread may put another one in the place of
+        if known is None or known[0] != counts:
+            each = zip(self.substructures, found, strict=True)
             along = block_diagonal([part.along(own) for part, own in each])
-            self._along = counts, along, self.flexibility(along)
-        _, along, moved = self._along
-        return components, along.dot(c), moved.dot(c)
+            known = self._along = counts, along, self.flexibility(along)
+        c = np.concatenate([own for pair in found if pair for own in pair] or [np.zeros(0)])
+        force, moved = known[1].dot(c), known[2].dot(c)
+        for (part, span), pair, own in zip(parts, found, self.column_spans, strict=True):
+            if pair is None:
+                force[own] = part.changed_load(f[span], x[span])
+                moved[own] = part.flexibility @ force[own]
+        return tuple(found), force, moved
 
     def other_load(self, f: Array, x: Array) -> Array:
         """Loads condensed onto the contact DOFs, (n_c,); nothing of them is remembered."""
@@ -194,7 +197,7 @@ class PointProblem(OnContactDofs):
         force = self.bodies.other_load(case.f, case.x)
         return self._load(case, (), force, self.bodies.flexibility(force))
 
-    def _load(self, case: LoadCase, components: tuple[Components, ...], force: Array, u: Array) -> Load:
+    def _load(self, case: LoadCase, components: tuple[Any, ...], force: Array, u: Array) -> Load:
         return Load(np.zeros(0), *self.constant(case), force, components, self.G @ u)
 
     def solve(self, conditions: Conditions, load: Load) -> Response:

@@ -272,7 +272,7 @@ class ContactProblem(LinearProblem):
     Attributes
     ----------
     bodies
-        The bodies without contact: `Condensed`, `Whole` or `FullSystem`.
+        The bodies without contact: `Condensed`, `IteratedBodies`, `MultigridBodies` or `FullSystem`.
     kin : Kinematics
         The pairing; its `gap0` are the gaps at the displacements `u`.
     motions : RigidMotions

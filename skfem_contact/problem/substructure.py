@@ -28,9 +28,9 @@ from skfem_contact.linalg.dense_factors import cholesky, lu
 from skfem_contact.linalg.direct import Direct, IndefiniteFactor
 from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
 from skfem_contact.linalg.multifrontal.ordering import nodes_of
-from skfem_contact.once import Lock, once
 from skfem_contact.problem.seam import Source
 from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS, RECOVERED_AT_ONCE
+from skfem_contact.records import Lock, once
 
 logger = logging.getLogger("skfem_contact")
 
@@ -170,6 +170,7 @@ class Substructure:
     keeps_contact = True  # or contact DOFs are eliminated like all others
     definite = True  # but the tangent of a body that is not linear may be none of a stable state
     shaky = False  # and neither is what is condensed of it
+    _last: tuple[Array, Array, Array] | None = None  # a load like no other, and what it is when reduced
 
     def __init__(
         self,
@@ -293,11 +294,13 @@ class Substructure:
         force, move = forces.components(f), moves.components(x, self._by_supports)
         return None if force is None or move is None else (force, move)
 
-    def along(self, components: Components) -> Array:
+    def along(self, components: Components | None) -> Array:
         """Loads on the kept DOFs with one component, (n_c, k): those of forces, then those of moves.
 
         Of the directions that `components` are along.
         """
+        if components is None:
+            return np.zeros((len(self.kept), 0))
         if not self._spanned:
             return np.eye(len(self.kept))
         spans = zip(self._spans, components, strict=True)
@@ -311,6 +314,13 @@ class Substructure:
         if not (len(self.kept) and (f.any() or x.any())):
             return np.zeros(len(self.kept))
         return np.asarray(self._factor.reduce_load(self.free_load(f, x)))
+
+    def changed_load(self, f: Array, x: Array) -> Array:
+        """The same; the last load is remembered, as it may stay while those of other bodies change."""
+        last = self._last
+        if last is None or not (same(f, last[0]) and same(x, last[1])):
+            last = self._last = f.copy(), x.copy(), self.other_load(f, x)
+        return last[2]
 
     def recover(
         self,
@@ -425,7 +435,7 @@ class Substructures:
         self.spans, self.substructures = slices(system.offsets), list[Any]()
         for i, body in enumerate(system.bodies):
             part = reuse[i] if len(reuse) else None
-            if not isinstance(part, self.kind):
+            if type(part) is not self.kind:
                 firm = firmness(system, stiffness, wanted) if len(body.rotations) else 0.0
                 mine = wanted_of(body, self.spans[i], wanted)
                 part = self.kind(body, stiffness[i], mine, firm, self.backend, system.modes(i))

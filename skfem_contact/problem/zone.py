@@ -24,11 +24,11 @@ from scipy.linalg import LinAlgError
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import DenseFactors, blocks, cholesky, lu, symmetrise
-from skfem_contact.once import once
 from skfem_contact.problem import thresholds
 from skfem_contact.problem.points import NO_ROW, Duals, LoadForces, PointSpace
 from skfem_contact.problem.seam import Conditions, Load, Response
 from skfem_contact.problem.thresholds import FEWEST, LOOSE, SPARE
+from skfem_contact.records import once
 
 
 class Zones:

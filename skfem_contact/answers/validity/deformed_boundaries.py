@@ -16,16 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import PIECES
-from skfem_contact.arrays import AT_ONCE, Array, Index, Mask, off_segments
+from skfem_contact.arrays import AT_ONCE, Array, Index, Mask, off_segments, ragged
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
-from skfem_contact.bodies.facets import seen_from_outside
-from skfem_contact.bodies.selection import facet_nodes, node_dofs
+from skfem_contact.bodies.selection import facet_nodes, node_dofs, seen_from_outside
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import SOLVED
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.closest import signed_distances
-from skfem_contact.pairing.vectors import ragged
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
 

@@ -13,13 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.thresholds import A_TENTH, OVERLAP
-from skfem_contact.arrays import Array, Index
-from skfem_contact.bodies.facets import area_vectors, seen_from_outside, twin_edges
+from skfem_contact.arrays import Array, Index, dot
+from skfem_contact.bodies.facet_kinds import area_vectors
+from skfem_contact.bodies.normal_field import CIRCLE, twin_edges
+from skfem_contact.bodies.selection import seen_from_outside
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.pairing.thresholds import LEAN, OVERHANG, SHARP
-from skfem_contact.pairing.vectors import dot
+from skfem_contact.digits import GIVEN
+from skfem_contact.pairing.closest import LEAN
+from skfem_contact.pairing.dual import OVERHANG
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
+
+# Turn of a boundary from which on an edge is sharp [rad]: with less it may stand for a curve of 16
+# faces to the circle (`bodies.normal_field.CIRCLE`), also just that and round-off.
+SHARP = float(2 * np.pi / CIRCLE * (1 + GIVEN))
 
 
 @dataclass(frozen=True)

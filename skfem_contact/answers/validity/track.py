@@ -15,7 +15,7 @@ import numpy as np
 
 from skfem_contact.answers.validity.chords import curvatures, sagittas
 from skfem_contact.answers.validity.deformed_boundaries import distances
-from skfem_contact.arrays import Array, Mask, angle_between, largest, off_segments
+from skfem_contact.arrays import Array, Mask, angle_between, dot, largest, off_segments
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
@@ -25,7 +25,6 @@ from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import shape_of
 from skfem_contact.pairing.node import Pairing
-from skfem_contact.pairing.vectors import dot
 from skfem_contact.trees import Tree
 
 #: What `Track.drift` says where nothing has slid past an end.

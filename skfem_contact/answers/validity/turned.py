@@ -22,7 +22,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.placed import point_forces
 from skfem_contact.answers.thresholds import A_TENTH, SUPPORTED
 from skfem_contact.answers.validity.support import Support, elastic_approach
-from skfem_contact.arrays import Array
+from skfem_contact.arrays import Array, cross
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
@@ -31,7 +31,6 @@ from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.geometry import surface_dofs
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import SOLVED
-from skfem_contact.pairing.vectors import cross
 
 #: A rotation (d, d), a point (d,), and where that has come.
 Turn = tuple[Array, Array, Array]
