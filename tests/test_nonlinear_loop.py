@@ -96,6 +96,17 @@ def test_residuals_fall_quadratically(results: list[sc.answers.ContactResult]) -
     assert len(str(results[1].newton).splitlines()) == len(results[1].newton)
 
 
+def test_the_estimate_says_that_meshes_may_be_too_stiff_in_bending(
+    results: list[sc.answers.ContactResult],
+) -> None:
+    """Of bodies that are not linear no part of the estimate shows it."""
+    estimate = results[-1].error_estimate
+    assert np.isnan(estimate.traction.bodies)
+    assert (
+        "in bending, is not in it: a body is not linear; compare with a finer mesh" in estimate.advice
+    )
+
+
 def test_a_step_back_is_elastic(results: list[sc.answers.ContactResult]) -> None:
     """What yielded is linearised a little way back, where it is elastic, not at its yield surface.
 
