@@ -289,7 +289,7 @@ class NonlinearSearch:
         if not turned.any():
             return ""
         point = int(np.argmax(np.where(turned, local.normal_force, -np.inf)))
-        words = self.stepper.model.interface.point_words(point, old.points[point])
+        words = self.stepper.model.interface.point_words(point, new.points[point])
         return f"{words} meets another partner"
 
     def _forecast(self, part: LoadStep) -> Reached:
