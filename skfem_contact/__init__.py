@@ -16,10 +16,8 @@ From the solver to the law of friction a load step passes, in this order::
     history/stepping          advance                  parts of the step, each on its own pairing
     history/stepper           Stepper.attempt          one attempt, on one pairing, from one start
     loops/driver              drive                    counts iterations, and stops them
-    loops/active_set          newton                   solves for a set of points, and corrects it
-    loops/step                Projection.proposal      what the answer asks every point to change to
-    conditions/friction_rule  FrictionRule             bounds and forces of all laws
-    conditions/friction       radial_return            the force within its bound
+    loops/active_set          active_set               solves for a set of points, and corrects it
+    conditions/friction_rule  FrictionRule             the force of all laws within its bound
 
 The packages stand in the order of the theory, and each imports only from those above it:
 

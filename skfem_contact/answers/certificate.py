@@ -21,7 +21,7 @@ from skfem_contact.arguments import NamesAttributes
 from skfem_contact.arrays import Array, Index, cross
 from skfem_contact.bodies.member import unit_motions
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.friction_rule import CheckedLaw
+from skfem_contact.conditions.friction import CheckedLaw
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED

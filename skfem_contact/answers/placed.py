@@ -13,8 +13,7 @@ from skfem_contact.arrays import Array, largest
 from skfem_contact.bodies.member import State
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import LocalState
+from skfem_contact.conditions.state import LoadCase, LocalState
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass

@@ -29,7 +29,7 @@ from skfem_contact.assemblies.joints import Joint, Joints
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.system import System
-from skfem_contact.conditions.friction_rule import CheckedLaw
+from skfem_contact.conditions.friction import CheckedLaw
 from skfem_contact.conditions.state import OPEN, SLIP
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError

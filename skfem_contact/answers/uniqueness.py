@@ -56,14 +56,13 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.thresholds import DIRECTIONS, FEW, SHARES, SHOWN
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.friction import Coulomb, Tresca
-from skfem_contact.conditions.friction_rule import CheckedLaw
+from skfem_contact.conditions.friction import CheckedLaw, Coulomb, Tresca
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.state import OPEN, SLIP
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, lu
 from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.thresholds import LOOSE
+from skfem_contact.problem.zone import LOOSE
 from skfem_contact.records import dataclass
 
 

@@ -21,7 +21,7 @@ from skfem_contact.arrays import Array, cross
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.friction_rule import steep_words
+from skfem_contact.conditions.friction import steep_words
 from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError

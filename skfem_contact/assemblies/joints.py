@@ -11,7 +11,7 @@ import numpy as np
 from skfem_contact.arguments import Named, NamesAttributes
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.selection import written
-from skfem_contact.conditions.friction_rule import CheckedLaw
+from skfem_contact.conditions.friction import CheckedLaw
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError

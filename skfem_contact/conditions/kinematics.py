@@ -161,27 +161,21 @@ class Kinematics:
         """
         return self.tangential()
 
-    @property
+    @cached_property
     def axes(self) -> Array:
         """The axes that components of slips and of friction are taken along, (m, d-1, d).
 
         The tangents, scaled where friction has a material direction, see `rows`; none of a field
         with one component.
         """
-        return self._axes if self.scaled is None else self.scaled
-
-    @property
-    def duals(self) -> Array:
-        """The vectors that slips are combined of by their components, (m, d-1, d)."""
-        return self._axes if self.scaled is None else self._scaled_duals
-
-    @property
-    def _axes(self) -> Array:
+        if self.scaled is not None:
+            return self.scaled
         return self.tangent if self.tangents else self.tangent[:, :0]
 
     @cached_property
-    def _scaled_duals(self) -> Array:
-        return duals(self.axes, self.normal)
+    def duals(self) -> Array:
+        """The vectors that slips are combined of by their components, (m, d-1, d)."""
+        return self.axes if self.scaled is None else duals(self.axes, self.normal)
 
     def slip_along(self, components: Array, part: slice = ALL) -> Array:
         """Slips of some points along their unit tangents, from those along their axes, (k, d-1)."""

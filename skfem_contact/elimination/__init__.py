@@ -1,8 +1,7 @@
 """Constraints by elimination: ``C u = b`` becomes ``u = T u_r + c``.
 
 * `pivoting`, `constraint`: from rows to T;
-* `condensed_system`: the rows of contacts, and what solvers of scikit-fem take;
-* `thresholds`: numbers, and where they come from.
+* `condensed_system`: the rows of contacts, and what solvers of scikit-fem take.
 """
 
 from typing import TYPE_CHECKING

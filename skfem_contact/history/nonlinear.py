@@ -36,8 +36,7 @@ from skfem_contact.answers.placed import Iteration, Placed, point_forces
 from skfem_contact.arrays import Array, largest
 from skfem_contact.bodies.normal_field import CORNER
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import LocalState
+from skfem_contact.conditions.state import LoadCase, LocalState
 from skfem_contact.digits import COMPUTED, GIVEN, SINGLE
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.history.equilibrium import ARRIVED, CORNERS, EquilibriumSearch, Verdict, has_corners
@@ -46,7 +45,7 @@ from skfem_contact.history.refined import ROUGH, UNSOLVED, holds, refined, remar
 from skfem_contact.history.stepper import NOISE, Stepper
 from skfem_contact.history.stepping import AIM, FAR, LONGER, SHORTER, Bisection, settled, travelled
 from skfem_contact.linalg.krylov import Anderson
-from skfem_contact.loops.step import DECREASE, HALVINGS
+from skfem_contact.loops.active_set import DECREASE, HALVINGS
 from skfem_contact.problem.seam import Workspace
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import copied, sealed

@@ -21,7 +21,7 @@ from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import point_slices
-from skfem_contact.conditions.loads import BoltLoads, LoadCase, Motion
+from skfem_contact.conditions.state import BoltLoads, LoadCase, Motion
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import read_motion
 from skfem_contact.obstacles.rigid_body import RigidBody

@@ -27,7 +27,7 @@ from skfem_contact.arguments import check_kind
 from skfem_contact.arrays import Array, Mask, cross
 from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.conditions.checks import check_loads
-from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.state import LoadCase
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError, LinearSolveError, SingularMatrix, warn
 from skfem_contact.history.equilibrium import EquilibriumSearch, Verdict

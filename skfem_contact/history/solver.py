@@ -40,8 +40,8 @@ from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import contact_names, interface
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import rigid_motions
+from skfem_contact.conditions.state import LoadCase
 from skfem_contact.errors import InputError, LinearSolveError
 from skfem_contact.history.load_step import recover_all
 from skfem_contact.history.read import KEYS, PartialResults, StepReader

@@ -135,9 +135,7 @@ class J2(Split, Isotropic):
         return np.interp(p, at, Y), slopes[np.searchsorted(at, p, side="right") - 1]
 
     def isochoric(self, H: Array, state: State) -> tuple[Array, Array, State]:
-        if self.finite_strain:
-            return logarithmic(self._flow, H, state)
-        return self._flow(H, state)
+        return logarithmic(self._flow, H, state) if self.finite_strain else self._flow(H, state)
 
     def _flow(self, H: Array, state: State) -> tuple[Array, Array, State]:
         """The deviator of the stress at small strains, its derivative, and internal variables."""

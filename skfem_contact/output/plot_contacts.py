@@ -16,7 +16,7 @@ from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.friction_rule import CheckedLaw
+from skfem_contact.conditions.friction import CheckedLaw
 from skfem_contact.conditions.interface import contact_names
 from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
 from skfem_contact.errors import InputError

@@ -17,7 +17,7 @@ import numpy as np
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arrays import Array, Index
-from skfem_contact.conditions.loads import Motion
+from skfem_contact.conditions.state import Motion
 from skfem_contact.obstacles.faceted import RigidPolyline, RigidSurface
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import RigidBody

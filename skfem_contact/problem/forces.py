@@ -55,18 +55,18 @@ from skfem_contact.linalg.dense_factors import lu
 from skfem_contact.linalg.krylov import Iterated, divided, gmres
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky, SurfaceResponse
 from skfem_contact.problem.full import DependentRows
-from skfem_contact.problem.seam import (
-    Conditions,
-    Load,
-    OnContactDofs,
-    PosedOn,
-    Resistance,
-    Response,
-    friction_force,
-)
-from skfem_contact.problem.springs import independent, point_resistance
-from skfem_contact.problem.thresholds import LAYERS, ROUGHLY
+from skfem_contact.problem.points import Conditions, Load, Resistance, Response, friction_force
+from skfem_contact.problem.seam import OnContactDofs, PosedOn, independent, point_resistance
 from skfem_contact.records import dataclass
+
+# Couplings of K from the surface to the bottom of its layer: elements, in effect.
+LAYERS = 4
+
+
+# What an answer on the way may leave of the residual: points change by more than a hundredth from one
+# of Newton's iterations to the next, and what is left is taken up there. An increment takes half as
+# long as with all digits in all iterations; with a third of it, or three times, as long as with this.
+ROUGHLY = 1e-2
 
 
 class Layer:

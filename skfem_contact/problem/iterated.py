@@ -33,7 +33,7 @@ from scipy.sparse import bsr_matrix, csr_matrix, diags
 from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.system import slices
-from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.state import LoadCase
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.amg import (
@@ -46,14 +46,25 @@ from skfem_contact.linalg.amg import (
 )
 from skfem_contact.linalg.backend import Surface
 from skfem_contact.linalg.krylov import sizes_of_parts
+from skfem_contact.problem.condensed import Substructures
 from skfem_contact.problem.forces import HeldForces, Layer, OnForces
 from skfem_contact.problem.full import DependentRows, FullProblem, FullSystem
-from skfem_contact.problem.seam import Conditions, ContactProblem, Load, PosedOn, Response, Source
-from skfem_contact.problem.substructure import Components, Substructure, Substructures
-from skfem_contact.problem.thresholds import ITERATED, MOST_PRODUCTS, ROUNDING
+from skfem_contact.problem.points import Conditions, Load, Response
+from skfem_contact.problem.seam import ContactProblem, PosedOn, Source
+from skfem_contact.problem.substructure import Components, Substructure
 from skfem_contact.records import once
 
 logger = logging.getLogger("skfem_contact")
+
+
+# Residual over the motion by loads to which forces are iterated, and that by springs on anchors:
+# round-off of the factors. Above `SOLVED` there is no answer. A solve takes 15 to 30 products, up to 60
+# where most points slip.
+ITERATED, MOST_PRODUCTS = 1e-13, 400
+
+
+# Of one operation, relative: half a unit in the last place.
+ROUNDING = 2.0**-53
 
 
 class _Forces(HeldForces):

@@ -11,19 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
-from skfem_contact.arrays import Array, entries, largest
+from skfem_contact.arrays import Array, entries
 from skfem_contact.bodies.body import Body
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface, point_labels, secondary_dofs
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid_motions
+from skfem_contact.conditions.state import LoadCase
 from skfem_contact.linalg.resources import Limits, single_threaded
 from skfem_contact.problem.choice import Choice, check_distributed, checked_linear
-from skfem_contact.problem.condensed import Condensed, PointProblem
+from skfem_contact.problem.condensed import Condensed, firmness
 from skfem_contact.problem.seam import ContactProblem, PosedOn
-from skfem_contact.problem.substructure import Substructure, firmness
-from skfem_contact.problem.thresholds import MOST_TWINS
+from skfem_contact.problem.substructure import Substructure
+from skfem_contact.problem.zone import PointProblem
 from skfem_contact.records import Lock, once
 from skfem_contact.sealed import carried, seal
 
@@ -35,6 +35,10 @@ if TYPE_CHECKING:
 
 
 EVEN_CLOSED = "even with every contact point closed"
+
+
+# Sets of springs whose twins are kept: two weak ones, and some of single DOFs.
+MOST_TWINS = 6
 
 
 class LinearModel:
@@ -120,7 +124,8 @@ class LinearModel:
     def moves(self, case: LoadCase) -> tuple[float, ...]:
         """Largest prescribed displacement of each body [length]."""
         moved = np.abs(case.x[self.system.D])
-        return tuple([largest(moved[part]) for part in self.system.supports])
+        own = [moved[part] for part in self.system.supports]
+        return tuple([float(sizes.max()) if sizes.size else 0.0 for sizes in own])
 
     def with_interface(
         self, interface: Interface, timings: dict[str, float], geometry: Geometry

@@ -25,8 +25,7 @@ from skfem_contact.bodies.member import Member
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.friction import Coulomb, Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule
-from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import transport
+from skfem_contact.conditions.state import LoadCase, transport
 from skfem_contact.errors import InputError
 
 #: What changes loads of bodies, so that derivatives by these are needed inside; then what does not.

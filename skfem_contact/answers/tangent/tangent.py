@@ -16,7 +16,7 @@ With Coulomb's law ``M k J = L / |s - s_n| (1 - d d')``, whatever k is: the spri
 d of friction is that of the answer itself. The last linear solve of an iteration has that of an iterate
 before, which is why it is not taken from there.
 
-These are the conditions of one more linear solve (`problem.seam.Conditions`), in which anchors and
+These are the conditions of one more linear solve (`problem.points.Conditions`), in which anchors and
 offsets are what the step before and the parameter make of them.
 """
 
@@ -36,20 +36,19 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.arguments import numbers
 from skfem_contact.arrays import Array, Index, Mask, check_size, largest, lengths, unit_vectors
 from skfem_contact.bodies.system import System
-from skfem_contact.conditions.friction import BEYOND, FrictionLaw
-from skfem_contact.conditions.friction_rule import FrictionRule
+from skfem_contact.conditions.friction import FrictionLaw
+from skfem_contact.conditions.friction_rule import BEYOND, FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import combined_rows, tangential_matrix
-from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.conditions.state import OPEN, SLIP, STICK, LoadCase
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.elimination.constraint import AffineConstraint, eliminate
 from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.loops.step import largest_force
-from skfem_contact.problem.points import Duals
-from skfem_contact.problem.seam import Conditions, Response, Source
+from skfem_contact.loops.active_set import largest_force
+from skfem_contact.problem.points import Conditions, Duals, Response
+from skfem_contact.problem.seam import Source
 from skfem_contact.problem.zone import Zone, Zones
 
 #: Derivatives by name, of loads or points: (n,) or (m, width). What is not there is zero.

@@ -30,8 +30,7 @@ from skfem_contact.answers.validity.validity import Drift
 from skfem_contact.arrays import Array, Index, largest
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.geometry import Geometry
-from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import OPEN, State
+from skfem_contact.conditions.state import OPEN, LoadCase, State
 from skfem_contact.obstacles.obstacle import Obstacle
 
 

@@ -38,9 +38,8 @@ from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import as_motion
-from skfem_contact.conditions.state import OPEN, State
+from skfem_contact.conditions.state import OPEN, LoadCase, State
 from skfem_contact.digits import SOLVED
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import shape_of

@@ -19,8 +19,8 @@ from skfem_contact.arrays import Array, Mask, angle_between, dot, largest, off_s
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.conditions.rows import as_motion
+from skfem_contact.conditions.state import LoadCase, Motion
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import shape_of
