@@ -157,3 +157,53 @@ def test_replace_makes_bodies_of_bodies():
     assert dataclasses.replace(other, K=2.0 * other.K).form is None  # nobody knows what it came from
     with pytest.raises(TypeError):
         sc.Body(other.basis, other.K, None, "top")
+
+
+@pytest.mark.parametrize("use", ["D", "D by component", "f", "surface"])
+def test_names_that_both_ends_of_a_thin_layer_have_are_refused(use):
+    """scikit-fem takes both ends for one where elements are 50 times as wide as a layer is thick."""
+    wide = np.linspace(0, 100, 9)
+    mesh = fem.MeshHex.init_tensor(wide, wide, [-0.1, 0]).with_defaults()
+    assert np.array_equal(mesh.boundaries["front"], mesh.boundaries["back"])
+
+    def layer(mesh, **given):
+        given = given or {"D": "left"}
+        return sc.Body.from_mesh(
+            mesh, fem.ElementVector(fem.ElementHex1()), sc.Elastic(1.0, 0.3), name="layer", **given
+        )
+
+    def used(mesh):
+        if use == "surface":
+            return layer(mesh).surface("front")
+        given = {"D": "front"}, {"D": {"front": "z"}}, {"f": {"front": 1.0}}
+        return layer(mesh, **given[("D", "D by component", "f").index(use)])
+
+    with pytest.raises(sc.errors.InputError, match=r"'front' and 'back' .* share .*x\[2\], -0\.1\)"):
+        used(mesh)
+    ends = {"front": lambda x: np.isclose(x[2], -0.1), "back": lambda x: np.isclose(x[2], 0)}
+    used(mesh.with_boundaries(ends))
+
+
+def test_elements_without_volume_are_named():
+    """A coordinate that is given twice makes elements of no size, of each shape."""
+    twice, once = np.array([0.0, 1.0, 1.0, 2.0]), np.array([0.0, 1.0])
+    shapes = {
+        fem.MeshTri: fem.ElementTriP1(),
+        fem.MeshQuad: fem.ElementQuad1(),
+        fem.MeshTet: fem.ElementTetP1(),
+        fem.MeshHex: fem.ElementHex1(),
+    }
+    for kind, element in shapes.items():
+        others = [once] * (kind.elem.refdom.dim() - 1)
+        for lines, fits in (((once, *others), True), ((twice, *others), False)):
+            mesh = kind.init_tensor(*lines)
+            given = mesh, fem.ElementVector(element), sc.Elastic(1.0, 0.3)
+            if fits:
+                sc.Body.from_mesh(*given)
+                continue
+            with pytest.raises(
+                sc.errors.InputError, match=r"'block' have no volume.* element 1 at \(1, "
+            ):
+                sc.Body.from_mesh(*given, name="block")
+    needle = fem.MeshHex.init_tensor(once, 1e-4 * once, 1e-5 * once)
+    sc.Body.from_mesh(needle, fem.ElementVector(fem.ElementHex1()), sc.Elastic(1.0, 0.3))

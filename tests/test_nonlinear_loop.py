@@ -96,6 +96,17 @@ def test_residuals_fall_quadratically(results: list[sc.answers.ContactResult]) -
     assert len(str(results[1].newton).splitlines()) == len(results[1].newton)
 
 
+def test_the_estimate_says_that_meshes_may_be_too_stiff_in_bending(
+    results: list[sc.answers.ContactResult],
+) -> None:
+    """Of bodies that are not linear no part of the estimate shows it."""
+    estimate = results[0].error_estimate
+    assert np.isnan(estimate.traction.bodies)
+    assert (
+        "in bending, is not in it: a body is not linear; compare with a finer mesh" in estimate.advice
+    )
+
+
 def test_a_step_back_is_elastic(results: list[sc.answers.ContactResult]) -> None:
     """What yielded is linearised a little way back, where it is elastic, not at its yield surface.
 
@@ -485,6 +496,31 @@ def test_a_corner_that_alternates_between_two_faces_is_named() -> None:
     assert len(error.value.results) == 2
 
 
+@pytest.mark.parametrize("mu", [0.0, 0.2])
+def test_a_hook_that_falls_off_an_edge_is_told_which(mu: float) -> None:
+    """A snap hook on a rigid catch, whose last edge stands at x = 22.5: behind it nothing is near."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 20, 21), np.linspace(-1, 1, 5))
+    mesh = mesh.restrict(mesh.elements_satisfying(lambda x: (x[1] > 0) | (x[0] > 17)))
+    x, below = mesh.p[0], np.maximum(-mesh.p[1], 0.0)
+    ramp = 17 + 0.4 * below + (x - 17) / 3 * (3 - 1.4 * below)
+    mesh = mesh.morphed(lambda p: np.where(below > 0, ramp, x), lambda p: p[1]).with_boundaries(
+        {"root": lambda x: x[0] == 0, "hook": lambda x: (x[1] <= 0) & (x[0] > 16)}
+    )
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    thin = sc.materials.SaintVenantKirchhoff(2000.0, 0.3)
+    beam = sc.NonlinearBody(basis, thin, D="root", name="beam", mean_dilatation=False)
+    catch = sc.RigidPolyline([(20.5, 0), (20.5, -6), (22.5, -6), (22.5, 0)], closed=True)
+    law = sc.Coulomb(mu) if mu else None
+    contact = sc.Contact(beam.surface("hook"), catch, friction=law, sliding="finite", name="snap")
+    ways = [{"x": {"beam": {"root": (w, 0.0)}}} for w in (0, 0.5, 1.0, 1.5, 2.0, 2.5, 2.75, 3.0)]
+    solver = sc.ContactSolver(beam, contact, options=sc.Options(max_cuts=3))
+    with pytest.raises(
+        sc.errors.NotConverged, match=r"point \d of contact 'snap'.*sharp corners"
+    ) as error:
+        list(solver.history(ways))
+    assert "limit point" not in str(error.value)
+
+
 @pytest.mark.parametrize("linear", ["auto", sc.linalg.Direct()])
 def test_a_straight_column_under_friction(linear: Any) -> None:
     """Nothing pushes it aside: beyond its buckling load it stays straight, as the warning says."""
@@ -501,3 +537,53 @@ def test_a_straight_column_under_friction(linear: Any) -> None:
     assert abs(last.force[0]) < 1e-8 * abs(last.force[1])
     assert last.certificate.worst < 1e-9
     assert len(last.newton) <= 3
+
+
+def gasket(along: float) -> FromFunction:
+    """A layer of thickness one: pressures over closures from a table, and hardly stiff in shear."""
+    closures, pressures = np.array([(0.0, 0.0), (0.01, 2.0), (0.02, 10.0), (0.03, 40.0)]).T
+
+    def law(H: Any, state: Any) -> Any:
+        strain, one = 0.5 * (H + H.swapaxes(0, 1)), np.eye(len(H))
+        shear = along * (np.einsum("ik,jl", one, one) + np.einsum("il,jk", one, one))
+        tangent = np.broadcast_to(shear[..., None, None], (*shear.shape, *H.shape[2:])).copy()
+        stress, closure = 2.0 * along * strain, -strain[1, 1]
+        piece = np.clip(np.searchsorted(closures, closure) - 1, 0, 2)
+        tangent[1, 1, 1, 1] = (np.diff(pressures) / np.diff(closures))[piece]
+        stress[1, 1] = -pressures[piece] - tangent[1, 1, 1, 1] * (closure - closures[piece])
+        return stress, tangent, {}
+
+    return FromFunction(law, {})
+
+
+def closed_gasket(along: float, nx: int = 5) -> sc.answers.ContactResult:
+    """The gasket between two steel blocks that match it nowhere, pressed in four steps."""
+    steel = sc.Elastic(1000.0, 0.0)
+    low = sc.Body(rectangle(0, 10, -11, -1, 4, 2), steel, D="bottom", name="low")
+    layer = rectangle(0, 10, -1, 0, nx, 1)
+    middle = sc.NonlinearBody(layer, gasket(along), D={"left": "x"}, name="gasket")
+    load = {"top": (0.0, -6.0)}
+    up = sc.Body(rectangle(0, 10, 0, 10, 6, 2), steel, load, D={"left": "x"}, name="up")
+    pairs = [
+        sc.Contact(middle.surface("bottom"), low.surface("top"), name="below"),
+        sc.Contact(up.surface("bottom"), middle.surface("top"), name="above"),
+    ]
+    *_, last = sc.ContactSolver([low, middle, up], pairs).history([0.25, 0.5, 0.75, 1.0])
+    return last
+
+
+@pytest.mark.parametrize("along", [1e-2, 1e-3, 1e-4])
+def test_a_gasket_that_hardly_resists_shear(along: float) -> None:
+    """Its flutter between the blocks is a million times softer than these: p = 6 closes it by .015."""
+    result = closed_gasket(along)
+    bodies = {body.name: body for body in result.system.bodies}
+    top = result.displacement("up")[bodies["up"].basis.get_dofs("top").nodal["u^2"]]
+    assert_allclose(top, -0.015 - 2 * 6.0 * 10 / 1000.0, rtol=1e-7)
+    assert_allclose(result["above"].pressure, 6.0, rtol=1e-6)
+
+
+def test_a_layer_that_does_not_resist_shear_is_no_limit_point() -> None:
+    """By 1e-9 of the blocks: forces come to balance, and do not tell where its nodes are."""
+    with pytest.raises(sc.errors.NotConverged, match="nearly singular") as failed:
+        closed_gasket(1e-6)
+    assert "limit point" not in str(failed.value)

@@ -165,7 +165,8 @@ def _advice(
         return said
     sides = [s.body for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
     why = "a body is not linear" if any(b.nonlinear for b in sides) else "a K was given as a matrix"
-    return f"{said}. What the meshes of the bodies lose is not in it: {why}"
+    lost = f"What the meshes of the bodies lose, above all in bending, is not in it: {why}"
+    return f"{said}. {lost}; compare with a finer mesh, or elements of second order"
 
 
 def _sharp_edge(contact: Contact, values: ContactValues, ends: Mask, point: int) -> str:

@@ -17,7 +17,7 @@ from skfem_contact.arrays import check_finite, check_size, check_type, dof_numbe
 from skfem_contact.bodies.assembly import Assembled, assembled
 from skfem_contact.bodies.member import RemoteStiffness
 from skfem_contact.bodies.quadrature import DeferredBasis, integrates, parts, scalar_element
-from skfem_contact.digits import COMPUTED, GIVEN
+from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF
 from skfem_contact.errors import InputError, warn
 from skfem_contact.sealed import sealed_matrix
 
@@ -59,13 +59,38 @@ TAKEN = (
     "a dict of those, or a function of the basis that returns one of them"
 )
 
+#: Names of `skfem.Mesh.with_defaults`: both ends of the body along x, y and z.
+ENDS = "left", "right", "bottom", "top", "front", "back"
 
-def unknown_boundary(name: str, mesh: Any) -> str:
-    """Message about a boundary name that the mesh does not have."""
-    tail = suggest(name, mesh.boundaries or {}, "boundaries")
-    if name in ("left", "right", "bottom", "top", "front", "back"):
-        tail += " (default names need mesh.with_defaults(); joining meshes by + drops names)"
-    return f"boundary {name!r} not found in the mesh{tail}"
+
+def facets_named(name: str, mesh: Any, what: str = "") -> Any:
+    """Facets of a boundary of the mesh; `what` begins the messages.
+
+    Raises
+    ------
+    InputError
+        The mesh does not have it, or `skfem.Mesh.with_defaults` gave the same facets to both ends.
+    """
+    known = mesh.boundaries or {}
+    if name not in known:
+        tail = suggest(name, known, "boundaries")
+        if name in ENDS:
+            tail += " (default names need mesh.with_defaults(); joining meshes by + drops names)"
+        raise InputError(f"{what}boundary {name!r} not found in the mesh{tail}")
+    if name in ENDS:
+        axis = ENDS.index(name) // 2
+        low, high = ENDS[2 * axis : 2 * axis + 2]
+        both = np.intersect1d(known[low], known[high]) if low in known and high in known else ()
+        if len(both):
+            x = mesh.doflocs[axis]
+            raise InputError(
+                f"{what}boundaries {low!r} and {high!r} of the mesh share {len(both)} facets: "
+                "mesh.with_defaults() takes both ends for one where elements are far wider than the "
+                "body is thick. Name both by position: mesh.with_boundaries("
+                f"{{{low!r}: lambda x: np.isclose(x[{axis}], {x.min():g}), "
+                f"{high!r}: lambda x: np.isclose(x[{axis}], {x.max():g})}})"
+            )
+    return known[name]
 
 
 def check_basis(basis: Any, whose: str) -> None:
@@ -113,6 +138,23 @@ def check_basis(basis: Any, whose: str) -> None:
             f"{bad.size} nodes of the mesh of {whose} have NaN or infinite coordinates, the first "
             f"is node {bad[0]} at {tuple(mesh.doflocs[:, bad[0]].tolist())}"
         )
+    flat = np.flatnonzero(_without_volume(mesh))
+    if flat.size:
+        where = ", ".join(f"{x:.6g}" for x in mesh.p[:, mesh.t[:, flat[0]]].mean(axis=1))
+        raise InputError(
+            f"{flat.size} elements of the mesh of {whose} have no volume, the first is element "
+            f"{flat[0]} at ({where}): its nodes lie on each other, or in line. Usually a coordinate "
+            "was given twice, or the mesh is one of a surface"
+        )
+
+
+def _without_volume(mesh: Any) -> np.ndarray:
+    """Elements whose vertices lie in a plane, in 2-D on a line, (ne,)."""
+    local = np.vstack([np.ones(len(mesh.t)), mesh.refdom.p])
+    slope = np.linalg.pinv(local.T)[1:]  # of the linear function nearest to the vertices
+    J = np.einsum("ike,jk->eij", mesh.p[:, mesh.t], slope, optimize=True)
+    size = np.abs(J).max(axis=(1, 2))
+    return np.asarray(np.abs(np.linalg.det(J)) <= ROUND_OFF * size ** mesh.dim())
 
 
 def deferred_basis(mesh: Any, element: Any, intorder: Any, whose: str) -> DeferredBasis:
@@ -326,9 +368,7 @@ def prescribed_dofs(D: Any, basis: Any, whose: str) -> np.ndarray:
     if callable(D) and not isinstance(D, DofsView):
         return prescribed_dofs(D(basis), basis, whose)
     if isinstance(D, str):
-        if D not in (basis.mesh.boundaries or {}):
-            raise InputError(f"D of {whose}: {unknown_boundary(D, basis.mesh)}")
-        if not len(basis.mesh.boundaries[D]):
+        if not len(facets_named(D, basis.mesh, f"D of {whose}: ")):
             raise InputError(
                 f"D of {whose}: boundary {D!r} has no facets in the mesh, so that nothing would be "
                 "held. Look at how it was selected: a function of position has to hold at the "

@@ -18,7 +18,7 @@ from skfem.assembly import DofsView
 from skfem_contact.arguments import number, shown
 from skfem_contact.arrays import Array, Index, Mask, sizes
 from skfem_contact.bodies.facet_kinds import FacetKind, area_elements, area_vectors, node_positions
-from skfem_contact.bodies.inputs import unknown_boundary
+from skfem_contact.bodies.inputs import facets_named
 from skfem_contact.bodies.member import Member
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError, warn
@@ -67,9 +67,7 @@ def _normalize(mesh: Any, where: Any, nodes: bool, label: str) -> np.ndarray:
         parts = [_normalize(mesh, part, nodes, label) for part in where]
         return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
     if isinstance(where, str):
-        if where not in (mesh.boundaries or {}):
-            raise InputError(unknown_boundary(where, mesh))
-        return np.asarray(mesh.boundaries[where], dtype=np.int64)
+        return np.asarray(facets_named(where, mesh), dtype=np.int64)
     if callable(where):
         return _satisfying(mesh, where, nodes, label)
     if where is None:
@@ -290,8 +288,7 @@ def boundary_dofs(basis: Any, name: str, what: str) -> Index:
     """DOFs of all components on a boundary of the mesh, by its name; `what` begins the message."""
     if not isinstance(name, str):
         raise InputError(f"{what}: {shown(name)} is not the name of a boundary, which is a string")
-    if name not in (basis.mesh.boundaries or {}):
-        raise InputError(f"{what}: {unknown_boundary(name, basis.mesh)}")
+    facets_named(name, basis.mesh, f"{what}: ")
     return np.asarray(np.unique(basis.get_dofs(name).flatten()), dtype=np.int64)
 
 

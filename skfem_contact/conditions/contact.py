@@ -78,7 +78,9 @@ class Contact(PrintedAsCall):
         Overlap added to the geometry, positive where the bodies are too large for each other (a
         press fit) [length]. A callable takes component-first positions ``x``.
     gap : float, ndarray (m,) or callable, optional
-        Replaces the initial gap measured on the meshes [length].
+        Replaces the initial gap measured on the meshes [length]. Where `tied` or `separation` hold the
+        surfaces together, that of the meshes counts as closed, and one that is given here is pulled
+        shut.
     adjust : float
         Initial gaps and overlaps up to this length are taken as closed, free of strain [length].
     reach : float, optional

@@ -33,6 +33,7 @@ from skfem_contact.errors import NoEquilibrium, NotConverged, SingularMatrix
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, force_terms
 from skfem_contact.history.stepper import TURNED, Stepper
 from skfem_contact.history.stepping import advance
+from skfem_contact.obstacles.obstacle import Faceted
 from skfem_contact.pairing.corners import Corners
 from skfem_contact.problem.model import EVEN_CLOSED, LinearModel
 from skfem_contact.records import dataclass
@@ -457,5 +458,7 @@ def _stateless(attempt: Attempt) -> str:
 
 def has_corners(contact: Contact) -> bool:
     """Return whether the surfaces of a contact have convex corners, their ends included."""
-    sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
-    return any(len(Corners.of(side).node) for side in sides if side.dim == 2)
+    primary = contact.primary
+    sides = contact.secondary, primary.outline if isinstance(primary, Faceted) else primary
+    surfaces = [side for side in sides if isinstance(side, ContactSurface)]
+    return any(len(Corners.of(side).node) for side in surfaces if side.dim == 2)

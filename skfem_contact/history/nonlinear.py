@@ -34,9 +34,10 @@ import numpy as np
 
 from skfem_contact.answers.placed import Iteration, Placed, point_forces
 from skfem_contact.arrays import Array, largest
+from skfem_contact.bodies.normal_field import CORNER
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.state import LoadCase
-from skfem_contact.digits import COMPUTED, GIVEN
+from skfem_contact.conditions.state import LoadCase, LocalState
+from skfem_contact.digits import COMPUTED, GIVEN, SINGLE
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.history.equilibrium import ARRIVED, CORNERS, EquilibriumSearch, Verdict, has_corners
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
@@ -73,6 +74,11 @@ NO_DESCENT = (
     "bodies yield as a whole, buckle or snap. Prescribe displacements instead of forces to go beyond "
     "it, or take smaller steps; "
 )
+LOOSE = (
+    "Iterates come to equilibrium but for round-off, which moves a body far: its tangents are nearly "
+    "singular with contact as it is. Usually a layer resists shear or bending by less than a millionth "
+    "of what its neighbours do: make it stiffer there, or hold it by D; "
+)
 
 
 class NoAnswer(Exception):
@@ -82,7 +88,7 @@ class NoAnswer(Exception):
         self, why: str, verdict: Verdict | None = None, attempt: Attempt | None = None
     ) -> None:
         super().__init__(why)
-        self.verdict = Verdict(advice=NO_DESCENT) if verdict is None else verdict
+        self.verdict = verdict
         self.attempt, self.travel = attempt, 0.0 if attempt is None else attempt.travel
         self.stopped = attempt is not None and attempt.stopped
 
@@ -145,6 +151,8 @@ class NonlinearSearch:
     recovery: Recovery = field(init=False)
     last: EquilibriumSearch = field(init=False)
     _reached: Placed | None = None
+    _near: bool = False  # to equilibrium, to half of the digits
+    _around: str = ""  # the first point that an iterate has led around a corner
 
     def find(self) -> Verdict:
         """Find the answer, in parts of the step where it does not come at once."""
@@ -185,6 +193,7 @@ class NonlinearSearch:
         now, own = self._forecast(part), None
         step, secant = replace(part, pairing=self._pairing(part, now.placed.u)), Anderson()
         exact, closing, shift, left, most = True, False, 0.0, np.inf, 0.0
+        self._near, self._around = False, ""  # of this part
         for number in range(1, options.max_placements + 1):
             try:
                 attempt, u = self._solve(step, now.placed.stiffened(base.stiffness, shift), exact)
@@ -204,6 +213,7 @@ class NonlinearSearch:
             balanced = now.share == 1.0 and now.most <= now.limit and holds(attempt, u)
             self._reached, self.advance.attempt = now.placed, attempt
             attempt, own = self._judged(step, attempt, u, FAR if number == 1 else 1.0, balanced)
+            self._near = now.most <= SINGLE * now.scale and attempt.good
             self.advance.attempt = attempt
             if balanced and attempt.good:
                 self._come_to(attempt, part.target, now.placed, part.share)
@@ -230,9 +240,14 @@ class NonlinearSearch:
             return NoAnswer(why)
         both = attempt.problem.kin, own[0], attempt.local
         interface, point = model.interface, model.geometry.least_settled(*both)
-        corners = has_corners(interface.contacts[interface.contact_of(point)])
         why += f"; {interface.point_words(point, own[0].points[point])} meets another partner"
-        return NoAnswer(why, Verdict(advice=CORNERS) if corners else None)
+        return NoAnswer(why, self._advice(point))
+
+    def _advice(self, point: int) -> Verdict:
+        """What to try where contact at a point does not settle, or goes too far."""
+        interface = self.stepper.model.interface
+        corners = has_corners(interface.contacts[interface.contact_of(point)])
+        return Verdict(advice=CORNERS if corners else NO_DESCENT)
 
     def _pairing(self, step: LoadStep, u: Array) -> Pairing:
         """The pairing at displacements u (n,), from the one before; None where it never changes."""
@@ -259,12 +274,22 @@ class NonlinearSearch:
             if balanced:  # areas too are to be those of the answer: laws and pressures are by them
                 mismatch = max(mismatch, geometry.stretched(*both))
             if mismatch > by.options.placement_tolerance:
+                self._around = self._around or self._led_around(*both)
                 failure = f"the pairing moves by {mismatch:.1e}"
                 return replace(attempt, mismatch=mismatch, failure=failure), own
             attempt = settled(by, attempt, own[0], mismatch)
         if attempt.failure:
-            raise NoAnswer(attempt.failure, attempt=attempt)
+            raise NoAnswer(attempt.failure, self._advice(attempt.culprit), attempt)
         return attempt, own
+
+    def _led_around(self, old: Kinematics, new: Kinematics, local: LocalState) -> str:
+        """The point, in words, whose force would be another one, as its normal turns by a corner."""
+        turned = (local.normal_force != 0) & (np.einsum("id,id->i", old.normal, new.normal) < CORNER)
+        if not turned.any():
+            return ""
+        point = int(np.argmax(np.where(turned, local.normal_force, -np.inf)))
+        words = self.stepper.model.interface.point_words(point, new.points[point])
+        return f"{words} meets another partner"
 
     def _forecast(self, part: LoadStep) -> Reached:
         """Where bodies are linearised first: on the way of the step before, or a little way back."""
@@ -379,14 +404,18 @@ class NonlinearSearch:
 
     def _refused(self, none: NoAnswer, share: float) -> Verdict:
         """Why there is no answer, with the share of the step that was reached."""
-        attempt = vars(self.advance).get("attempt")
+        attempt, why, verdict = vars(self.advance).get("attempt"), str(none), none.verdict
+        if verdict is None and self._around:
+            why, verdict = f"{why}; {self._around}", Verdict(advice=CORNERS)
+        elif verdict is None:
+            verdict = Verdict(advice=LOOSE if self._near else NO_DESCENT)
         if attempt is not None:
-            failed = replace(attempt, failure=str(none))
+            failed = replace(attempt, failure=why)
             self._come_to(failed, self.step.target, self._reached or self.placed, 1.0)
         carries, before = f"The bodies bear up to {share:.4g} of this step", self.step.before.scale[0]
         if before is not None and (target := self.step.target.factor) is not None:
             carries += f" (a load factor of {before + share * (target - before):.4g})"
-        return replace(none.verdict, carries=carries + ". ", reached=attempt is not None)
+        return replace(verdict, carries=carries + ". ", reached=attempt is not None)
 
 
 def _work(part: LoadStep, kin: Kinematics, trend: Array) -> float:

@@ -56,7 +56,7 @@ def refined(attempt: Attempt, u: Array, at: Placed) -> tuple[Attempt, Array]:
     """
     problem, rough = attempt.problem, attempt.model.route in ROUGH
     answer, given = attempt.outcome.iterate.response, attempt.outcome.iterate.conditions
-    if problem.springs is not None or not (rough or problem.source(attempt.load, answer).forces):
+    if not (rough or problem.source(attempt.load, answer).forces):
         return attempt, u
     kin, f = problem.kin, np.zeros(len(u))
     if rough:

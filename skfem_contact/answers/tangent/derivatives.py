@@ -269,7 +269,10 @@ def _linearised(
             "a dict for each result, None where it does not depend on it"
         ) from None
     if len(derivatives) != len(results):
-        raise InputError(f"{what} returned {len(derivatives)} derivatives for {len(results)} results")
+        raise InputError(
+            f"{what} returned {len(derivatives)} derivatives for {len(results)} results: give one dict "
+            "for each result, in the order of the steps, None where nothing depends on it"
+        )
     return results, tangents, value, derivatives
 
 
