@@ -14,7 +14,7 @@ import numpy as np
 
 from skfem_contact.answers.placed import Newton, Placed, point_forces
 from skfem_contact.answers.validity.validity import Diagnostics
-from skfem_contact.arrays import Array
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
@@ -26,7 +26,7 @@ from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.interface import point_slices
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import Identity, LocalState, State
+from skfem_contact.conditions.state import OPEN, Identity, LocalState, State
 from skfem_contact.errors import InputError
 from skfem_contact.loops.step import Record
 from skfem_contact.once import once
@@ -208,6 +208,17 @@ class Answer:
     def worn_case(self) -> LoadCase:
         """The loads, with the gaps that a depth worn off leaves."""
         return self.case.worn(self.state.wear)
+
+    def closed(self, i: int) -> Mask:
+        """The points of a contact that are closed and have a partner, (m_i,)."""
+        part = self.model.interface.point_slices[i]
+        return np.asarray((self.state.status[part] != OPEN) & self.kin.paired[part])
+
+    def at_surfaces(self) -> Array:
+        """Displacements (n,) of surfaces that slide far and at supports, zero elsewhere [length]."""
+        u, D = self.model.geometry.spread(self.state.surface), self.system.D
+        u[D] = self.case.x[D]
+        return u
 
     def displacement(self, body: Any) -> Array:
         """Displacements of one body, by name or itself, as its basis numbers them, (n_body,)."""

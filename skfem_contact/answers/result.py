@@ -17,9 +17,8 @@ from skfem_contact.answers.answer import Answer, reaction
 from skfem_contact.answers.by_contact import ByContact
 from skfem_contact.answers.certificate import Certificate, certified, undetermined
 from skfem_contact.answers.placed import Newton
-from skfem_contact.answers.thresholds import FALLING, MOST_ROWS
 from skfem_contact.answers.validity.assess import assess
-from skfem_contact.answers.validity.turned import rigid_rotations, surface_turns
+from skfem_contact.answers.validity.support import rigid_rotations, surface_turns
 from skfem_contact.answers.validity.validity import Validity
 from skfem_contact.answers.values import contact_lines, status_words
 from skfem_contact.arguments import known_keywords
@@ -43,6 +42,13 @@ if TYPE_CHECKING:
     from skfem_contact.answers.tangent.sensitivity import Sensitivity
     from skfem_contact.answers.tangent.tangent import Tangent
     from skfem_contact.answers.uniqueness import Uniqueness
+
+#: Printed reports look for other answers up to so many gaps and slips: three seconds at most.
+MOST_ROWS = 2000
+
+#: The fall of friction, over the share by which slip is lengthened, from which on friction falls: three
+#: digits above the round-off of the bounds.
+FALLING = 1e-3
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -53,7 +53,6 @@ from scipy.linalg import LinAlgError
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import DIRECTIONS, FEW, SHARES, SHOWN
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import Coulomb, Tresca
@@ -65,6 +64,16 @@ from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, lu
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.thresholds import LOOSE
 from skfem_contact.records import dataclass
+
+#: Directions of friction in half a turn that are tried in 3-D: the least coefficient to four digits.
+DIRECTIONS = 720
+
+#: What is shown of one answer is shown for this much less than eigenvalues say, so that their own error
+#: and round-off of the matrices do not count. Eigenvalues of more than so few rows are iterated.
+SHOWN, FEW = 1e-3, 100
+
+#: Shares of the normal compliance that are tried for the proof: each is as valid, one is the best.
+SHARES = (0.0, 0.5, 2.0, 8.0, 32.0, 1024.0)
 
 
 @dataclass(frozen=True, eq=False)

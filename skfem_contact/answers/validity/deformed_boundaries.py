@@ -9,13 +9,11 @@ overlook is seen here.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import PIECES
 from skfem_contact.arrays import AT_ONCE, Array, Index, Mask, off_segments
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
@@ -23,11 +21,12 @@ from skfem_contact.bodies.facets import seen_from_outside
 from skfem_contact.bodies.selection import facet_nodes, node_dofs
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import SOLVED
-from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.vectors import ragged
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
+
+#: Straight pieces that a quadratic facet is drawn with: they miss 1/256 of its sagitta.
+PIECES = 8
 
 #: The direction of rays in space, its first two in the plane: of no mesh that has a reason.
 RAY = np.array([0.8127, 0.3491, 0.4669])
@@ -220,9 +219,10 @@ class BoundaryNodes:
         points = basis.doflocs[:, dofs[:, 0]].T
         return cls(body, kind_of(body.dim, nodes.shape[1]), points, dofs, facets.reshape(nodes.shape))
 
-    def at(self, points: Array) -> Boundary:
-        """The boundary with its nodes at these places (b, d)."""
+    def displaced(self, u: Array) -> Boundary:
+        """The boundary displaced by u (n_body,) [length]."""
         weights, simplices = _drawing(self.kind)
+        points = self.points + u[self.dofs]
         x = points[self.facets]
         if weights is not None:
             x = np.einsum("qk,fkd->fqd", weights, x)
@@ -232,8 +232,7 @@ class BoundaryNodes:
 
 def boundary(body: Body, u: Array) -> Boundary:
     """The whole boundary of a body, displaced by u (n_body,) [length]."""
-    nodes = BoundaryNodes.of(body)
-    return nodes.at(nodes.points + u[nodes.dofs])
+    return BoundaryNodes.of(body).displaced(u)
 
 
 def within(points: Array, box: tuple[Array, Array]) -> Mask:
@@ -287,154 +286,54 @@ def _blocks(count: Index) -> list[Index]:
     return [part for part in found if len(part)]
 
 
-# -- two sides of a contact -----------------------------------------------------------------------
+# -- where surfaces end ---------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Meeting:
-    """The meeting of two sides, seen from outside.
+class Rim:
+    """The rim of a surface: the end points of a curve, or the edges of faces.
 
     Attributes
     ----------
-    overlap : float
-        Deepest overlap, less gaps given by the user and with interferences [length].
-    unseen : int
-        Points of the secondary without a partner that overlap by more than chords explain.
-    opening : float
-        Largest true gap of a closed point [length].
-    chords : float
-        What straight facets on curved sides explain of the overlap [length].
-    place : ndarray, shape (d,), or None
-        Of the deepest point, where one boundary is in the other [length].
-    side : int
-        Whose point it is: 0 of the secondary, 1 of the primary.
+    corners : ndarray, shape (e, d - 1, d)
+        Ends of curves, or of the chords of edges [length].
+    outward : ndarray, shape (e, d)
+        Unit vectors out of the surface, in the plane of the facet.
     """
 
-    overlap: float = np.nan
-    unseen: int = 0
-    opening: float = np.nan
-    chords: float = 0.0
-    place: Array | None = None
-    side: int = 0
+    def __init__(self, corners: Array, outward: Array) -> None:
+        self.corners = corners
+        self.outward = outward / np.linalg.norm(outward, axis=1, keepdims=True)
+        middle = corners.mean(axis=1)
+        self.tree = Tree(middle) if len(corners) else None
+        self.half = float(np.max(np.linalg.norm(corners[:, 0] - middle, axis=1), initial=0.0))
 
+    @classmethod
+    def of(cls, surface: ContactSurface) -> Rim:
+        """Say that of a surface."""
+        x, c = surface.points, surface.kind.corners
+        facet, edge = np.nonzero(surface.twins < 0)
+        ends = x[surface.facets[facet[:, None], np.column_stack([edge, (edge + 1) % c])]]
+        if surface.dim == 2:
+            return cls(ends[:, :1], ends[:, 0] - ends[:, 1])
+        return cls(ends, np.cross(ends[:, 1] - ends[:, 0], surface.facet_normals[facet]))
 
-def between(
-    secondary: Boundary,
-    primary: Boundary,
-    chords: tuple[float, float],
-    extent: float,
-    nodes: Array,
-    added: Array,
-    closed: Mask,
-    paired: Mask,
-) -> Meeting:
-    """Two deformed bodies, all of their boundaries.
+    def at_least(self, points: Array) -> Array:
+        """What points are away from the rim at least, (m,); ``inf`` where there is none [length]."""
+        if self.tree is None:
+            return np.full(len(points), np.inf)
+        return np.maximum(self.tree.distances(points) - self.half, 0.0)
 
-    Nodes are on the boundary that is meshed: that they overlap only chords of the other side explain.
-
-    Parameters
-    ----------
-    secondary, primary : Boundary
-    chords : two of float
-        How far what is drawn of each stands off it [length].
-    extent : float
-        Of the bodies [length].
-    nodes : ndarray, shape (m, d)
-        Of the secondary surface, displaced [length].
-    added : ndarray, shape (m,)
-        What the user has the gaps be larger than the meshes say [length].
-    closed, paired : ndarray of bool, shape (m,)
-    """
-    noise = SOLVED * extent
-    # with an interference bodies may overlap before their meshes do: this shows at the nodes
-    true = np.full(len(nodes), np.inf)
-    true[paired] = primary.signed(nodes[paired]) + added[paired]
-    deepest = int(np.argmin(true))
-    best = Meeting(0.0, chords=sum(chords))
-    if true[deepest] < -noise:
-        best = Meeting(-float(true[deepest]), chords=chords[1], place=nodes[deepest])
-    for k, (one, other) in enumerate(((secondary, primary), (primary, secondary))):
-        own = one.nodes[within(one.nodes, other.box)]  # the others lie outside
-        samples = one.samples(other.box)
-        for points, explained in ((own, chords[1 - k]), (samples, sum(chords))):
-            depth = other.depth(points)
-            points, depth = points[depth > noise], depth[depth > noise]
-            if len(points) and added[paired].any():
-                depth = depth - added[paired][Tree(nodes[paired]).nearest(points)]
-            beyond = float(np.max(depth, initial=0.0)) - explained
-            if len(points) and depth.max() > 0 and beyond > best.overlap - best.chords:
-                i = int(np.argmax(depth))
-                best = Meeting(float(depth[i]), 0, 0.0, explained, points[i], k)
-    lonely = primary.depth(nodes[~paired]) > max(sum(chords), noise)
-    opening = float(np.max(true[closed], initial=0.0))
-    return replace(best, unseen=int(lonely.sum()), opening=opening)
-
-
-def at_obstacle(
-    obstacle: Obstacle,
-    surface: ContactSurface,
-    chords: float,
-    nodes: Array,
-    added: Array,
-    closed: Mask,
-    paired: Mask,
-) -> Meeting:
-    """A deformed surface, its nodes and points between them, against an obstacle at its place."""
-    noise = SOLVED * float(np.max(np.ptp(surface.points, axis=0)))
-    at_nodes = signed_distance(obstacle, surface, nodes) + added
-    ends = surface.facets
-    between = [
-        signed_distance(obstacle, surface, np.einsum("k,fkd->fd", w, nodes[ends])) + added[ends] @ w
-        for w in surface.kind.between
-    ]
-    deepest = -float(np.min(np.concatenate([at_nodes, *between])))
-    lonely = -at_nodes[~paired] > max(chords, noise)
-    opening = float(np.max(at_nodes[closed], initial=0.0))
-    return Meeting(deepest if deepest > noise else 0.0, int(lonely.sum()), opening, chords)
-
-
-def with_corners(
-    found: Meeting, body: Boundary, corners: Array, chords: float, nodes: Array, added: Array
-) -> Meeting:
-    """Return how an obstacle is met, whose corners may stand in the body between its nodes.
-
-    Parameters
-    ----------
-    found : Meeting
-        What the body's own points say.
-    body : Boundary
-    corners : ndarray, shape (p, d)
-        Of the obstacle at its place [length].
-    chords : float
-        How far what is drawn of the body stands off it [length].
-    nodes, added
-        As in `between`.
-    """
-    depth = body.depth(corners)
-    inside = np.flatnonzero(depth)
-    if not len(inside):
-        return found
-    depth = depth[inside] - added[Tree(nodes).nearest(corners[inside])]
-    i = int(np.argmax(depth))
-    if depth[i] - chords <= max(found.overlap - found.chords, 0.0):
-        return found
-    return replace(found, overlap=float(depth[i]), chords=chords, place=corners[inside[i]], side=1)
-
-
-def signed_distance(obstacle: Obstacle, surface: ContactSurface, points: Array) -> Array:
-    """Signed distances of any points, whether they face the obstacle or not."""
-    # these points are none of the nodes that the facets of the surface are made of
-    outline = obstacle.outline
-    if outline is not None:
-        return signed_distances(outline, points)
-    at = replace(surface, points=points, normals=np.zeros_like(points))
-    return distances(obstacle, at)[0]
-
-
-def distances(obstacle: Obstacle, surface: ContactSurface) -> tuple[Array, Array, Mask]:
-    """Distances, normals and partners of `Obstacle.distance`, of a level set to first order."""
-    from skfem_contact.obstacles.shapes import LevelSet
-
-    if not isinstance(obstacle, LevelSet):
-        return obstacle.distance(surface)
-    return obstacle.first_order(surface)
+    def beyond(self, points: Array) -> Array:
+        """How far points lie beyond the rim along the surface, negative above it, (p,) [length]."""
+        if self.tree is None:
+            return np.full(len(points), -np.inf)
+        few = min(8, len(self.corners))
+        near = np.asarray(self.tree.query(points, k=few)[1]).reshape(len(points), few)
+        start, end = self.corners[near, 0], self.corners[near, -1]
+        away = off_segments(points[:, None], start, end - start)
+        distance = np.linalg.norm(away, axis=2)
+        # where two edges meet at the nearest corner the sum of both tells, of notches and holes as well
+        out = np.sum(away * self.outward[near], axis=2)
+        nearest = distance <= distance.min(axis=1, keepdims=True) * (1 + SOLVED)
+        out = np.sum(out, axis=1, where=nearest)
+        return np.where(out > 0, 1.0, -1.0) * distance.min(axis=1)
