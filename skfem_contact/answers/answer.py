@@ -20,6 +20,7 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.member import State as Internal
 from skfem_contact.bodies.selection import boundary_dofs
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction_rule import friction_bound
@@ -223,6 +224,10 @@ class Answer:
     def displacement(self, body: Any) -> Array:
         """Displacements of one body, by name or itself, as its basis numbers them, (n_body,)."""
         return self.u[self.system.slice(body)]
+
+    def moved(self, side: ContactSurface) -> Array:
+        """Where the nodes of a surface are, (m, d) [length]."""
+        return np.asarray(side.points + self.displacement(side.body)[side.dofs])
 
     @property
     def bolt_names(self) -> tuple[str, ...]:

@@ -8,23 +8,21 @@ and what `validity` says are the same findings.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.validity.chords import drawn_off
 from skfem_contact.answers.validity.deformed_boundaries import Boundary, boundary
-from skfem_contact.answers.validity.obstacles import at_obstacle, moved_obstacle, with_corners
 from skfem_contact.answers.validity.overlaps import (
     Overlaps,
+    at_obstacle,
     between,
     crossing,
     of_two_bodies,
     pressed_aside,
-    sharp_edges_of,
     sides_of,
     unselected_words,
 )
@@ -64,7 +62,6 @@ from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import warn
-from skfem_contact.obstacles.obstacle import Obstacle
 
 #: What may be wrong with a contact, in the order in which it is told.
 OF_CONTACTS = ("sliding", "overlap", "facets")
@@ -154,7 +151,7 @@ class Watch:
         Warns
         -----
         ContactWarning
-            One for each contact and body, with the numbers and the setting to change.
+            One for each contact or body and kind, with the numbers and the setting to change.
         """
         result.diagnostics = Diagnostics(issued=issued, leaning=leaning)
         if self.moves:
@@ -180,7 +177,10 @@ class Watch:
             far = surface_turns(self.system, self.contacts, result.state.surface)
             turns |= rigid_rotations(far)
             shares = shares | turned(result, far, self.supports, [d.approach for d in drifts])
-        found = [track.undetected(result, u, d) for track, d in zip(self.tracks, drifts, strict=True)]
+        found = [
+            self.overlaps.undetected(track, result, u, drift)
+            for track, drift in zip(self.tracks, drifts, strict=True)
+        ]
         return replace(
             known,
             drifts=drifts,
@@ -197,27 +197,15 @@ class Watch:
         known = result.diagnostics
         suspected, looked = self._suspected(result)
         bodies, seen = self._strained(result)
-        new = set(looked | seen)
-        beyond = leaning(self.system, known.leaning, known.issued)
-        if not (suspected or bodies or beyond or new):
+        looked |= seen
+        if not (suspected or bodies or looked or leaning(self.system, known.leaning, known.issued)):
             return known
         measured = Assessment(result)
-        for i, kinds in suspected.items():
-            found = measured.of_contact(i, kinds)
-            new |= {(kind, result.names[i]) for kind in found}
-            if found:
-                warn(measured.label(i) + " ".join(found.values()) + ONCE)
-        problems: dict[tuple[str, str], str] = {}
-        for name in bodies:
-            problems |= {(kind, name): words for kind, words in measured.of_body(name).items()}
-        problems = {
-            key: beyond[key] for key in beyond if ("rotation", key[1]) not in problems
-        } | problems
-        for key, words in problems.items():
+        problems = measured.problems(suspected, bodies, known.issued)
+        for key in problems:
             if key not in known.issued:
-                new.add(key)
-                warn(words + ONCE)
-        return replace(known, issued=known.issued | new, meetings=measured.meetings)
+                warn(problems[key] + ONCE)
+        return replace(known, issued=known.issued | looked | set(problems), meetings=measured.meetings)
 
     def _suspected(self, result: Answer) -> tuple[dict[int, set[str]], Issued]:
         """What seems to be wrong with contacts and has not been said, by kind; looks that are kept.
@@ -296,15 +284,10 @@ def assess(result: Answer) -> Validity:
         What is beyond its bound, unless its history has said so before.
     """
     measured = Assessment(result)
-    problems: dict[tuple[str, str], str] = {}
-    if result.diagnostics.tracks:  # scalar fields move nothing
-        for i, name in enumerate(result.names):
-            found = measured.of_contact(i)
-            problems |= {(kind, name): measured.label(i) + words for kind, words in found.items()}
-    for name in measured.bounded:
-        found = measured.of_body(name)
-        problems |= {(kind, name): words for kind, words in found.items()}
-    problems |= leaning(result.system, result.diagnostics.leaning, problems)
+    contacts = (
+        range(len(result.names)) if result.diagnostics.tracks else ()
+    )  # scalar fields move nothing
+    problems = measured.problems(dict.fromkeys(contacts, OF_CONTACTS), measured.bounded)
     for (kind, name), text in problems.items():
         issued = (kind, name) in result.diagnostics.issued
         issued |= kind == "overlap" and result.diagnostics.prescribed(name)
@@ -313,7 +296,6 @@ def assess(result: Answer) -> Validity:
     size, largest, rotation = (
         {name: measured.strains(name)[k] for name in measured.bounded} for k in range(3)
     )
-    contacts = range(len(result.names)) if result.diagnostics.tracks else ()
     return Validity(
         {result.names[i]: measured.contact(i) for i in contacts},
         size,
@@ -345,6 +327,32 @@ class Assessment:
         self.strains, self.boundary = cache(self._strains), cache(self._boundary)
         self.drift, self.contact = cache(self._drift), cache(self._contact)
 
+    def problems(
+        self,
+        contacts: Mapping[int, Collection[str]],
+        bodies: Sequence[str],
+        told: Collection[tuple[str, str]] = (),
+    ) -> dict[tuple[str, str], str]:
+        """Return what is beyond its bound, in words by kind and name.
+
+        Parameters
+        ----------
+        contacts : mapping
+            Kinds that are asked for, by the contact's number.
+        bodies : sequence of str
+            Names of bodies.
+        told : collection of (str, str)
+            What has been said before.
+        """
+        found: dict[tuple[str, str], str] = {}
+        for i, kinds in contacts.items():
+            name, label = self.result.names[i], self.result.contacts[i].label
+            words = self.of_contact(i, kinds)
+            found |= {(kind, name): f"Contact {name!r} ({label}): {words[kind]}" for kind in words}
+        for name in bodies:
+            found |= {(kind, name): words for kind, words in self.of_body(name).items()}
+        return found | leaning(self.system, self.result.diagnostics.leaning, {*told, *found})
+
     # -- bodies -------------------------------------------------------------------------------
 
     def _strains(self, name: str) -> tuple[float, float, float]:
@@ -374,11 +382,7 @@ class Assessment:
 
     # -- contacts -----------------------------------------------------------------------------
 
-    def label(self, i: int) -> str:
-        """Return which contact a sentence is about."""
-        return f"Contact {self.result.names[i]!r} ({self.result.contacts[i].label}): "
-
-    def of_contact(self, i: int, kinds: Collection[str] = OF_CONTACTS) -> dict[str, str]:
+    def of_contact(self, i: int, kinds: Collection[str]) -> dict[str, str]:
         """Return what is beyond its bound of one contact, in words by kind; of the kinds asked for."""
         found, drift, contact = {}, self.drift(i), self.result.contacts[i]
         if not drift.small_sliding_holds:
@@ -431,13 +435,11 @@ class Assessment:
     def _crossing(self, i: int) -> str:
         """Return what edges of two solids do that cross, in words; empty for nothing."""
         result, sides = self.result, sides_of(self.result.contacts[i])
-        part, approach = result.slices()[i], self.drift(i).approach
-        added = result.diagnostics.tracks[i].gap_added(result)
-        places = [side.points + result.displacement(side.body)[side.dofs] for side in sides]
-        edges = [sharp_edges_of(side) for side in sides]
-        found = crossing(edges, places, added, approach, SOLVED * self.system.extent)
-        closed = np.flatnonzero(result.state.status[part] != OPEN)
-        normal = result.kin.normal[part]
+        track, places = result.diagnostics.tracks[i], [result.moved(side) for side in sides]
+        given = track.gap_added(result), self.drift(i).approach, SOLVED * self.system.extent
+        found = crossing(track, places, *given)
+        closed = np.flatnonzero(result.state.status[track.part] != OPEN)
+        normal = result.kin.normal[track.part]
         if found is None or not (found.count or pressed_aside(found, sides[0], normal, closed)):
             return ""
         return crossing_words(found, *(side.label for side in sides))
@@ -449,27 +451,14 @@ class Assessment:
         return self.meetings[i]
 
     def _met(self, i: int) -> Meeting:
-        result, system = self.result, self.system
-        contact, part, secondary = result.contacts[i], result.slices()[i], result.contacts[i].secondary
-        moved = secondary.points + result.displacement(secondary.body)[secondary.dofs]
-        added = result.diagnostics.tracks[i].gap_added(result)
-        paired, closed = result.kin.paired[part], result.closed(i)
-        name = system.names[system.index(secondary.body)]
-        if isinstance(contact.primary, Obstacle):
-            obstacle = moved_obstacle(result, i, result.u)
-            # the obstacle is exact: where facets are too long to meet it, nothing explains the overlap
-            chords = drawn_off(secondary)
-            found = at_obstacle(obstacle, secondary, chords, moved, added, closed, paired)
-            if obstacle.outline is None or contact.bilateral or contact.gap is not None:
-                return found
-            corners = obstacle.outline.points
-            return with_corners(found, self.boundary(name), corners, chords, moved, added)
-        if contact.primary.body is secondary.body:
+        contact, names = self.result.contacts[i], self.system.names
+        name = names[self.system.index(contact.secondary.body)]
+        if not isinstance(contact.primary, ContactSurface):
+            return at_obstacle(self.result, i, lambda: self.boundary(name))
+        if contact.primary.body is contact.secondary.body:
             return Meeting()
-        other = system.names[system.index(contact.primary.body)]
-        off = drawn_off(secondary), drawn_off(contact.primary)
-        boundaries = self.boundary(name), self.boundary(other)
-        return between(*boundaries, off, system.extent, moved, added, closed, paired)
+        other = names[self.system.index(contact.primary.body)]
+        return between(self.result, i, self.boundary(name), self.boundary(other))
 
     def _drift(self, i: int) -> Drift:
         """Return how far a contact has drifted, with the slips of the displacements."""

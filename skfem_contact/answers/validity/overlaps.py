@@ -1,4 +1,4 @@
-"""Overlaps of two bodies that contact conditions do not see, by their deformed boundaries.
+"""Overlaps that contact conditions do not see, by signed distance between deformed boundaries.
 
 The points of both surfaces, and those between them, are looked for in the whole body on the other
 side, by what a step knows of displacements: those of contact surfaces and supports, extrapolated to the
@@ -8,36 +8,50 @@ overlaps of solids grow as forces do, and `assess` looks once for every doubling
 
 Edges of solids that cross inside each other are overlaps that the nodes of neither boundary tell. Where
 they only touch, node by node, forces act along normals of faces and not across both edges.
+
+What obstacles hide goes by kinds that each have a shape for it:
+
+* a surface that begins where its obstacle is solid, and does not touch it: `hollow` by mistake;
+* a round tool that stands in a facet between nodes;
+* flats of large triangles whose normals lean towards the bends beside them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.validity.chords import drawn_off
-from skfem_contact.answers.validity.deformed_boundaries import Boundary, BoundaryNodes, within
+from skfem_contact.answers.validity.chords import bends, kinked_edges
+from skfem_contact.answers.validity.deformed_boundaries import (
+    Boundary,
+    BoundaryNodes,
+    Rim,
+    crossings,
+    within,
+)
 from skfem_contact.answers.validity.support import Extrapolation
-from skfem_contact.answers.validity.track import ContactWatch
-from skfem_contact.answers.validity.validity import A_TENTH, OVERLAP, Crossing, Drift, Meeting
+from skfem_contact.answers.validity.track import ContactWatch, signed_distance
+from skfem_contact.answers.validity.validity import A_TENTH, OVERLAP, SAGITTA, Crossing, Drift, Meeting
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.facets import area_vectors, seen_from_outside, twin_edges
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
+from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import SOLVED
+from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.obstacles.rigid_body import shape_of
 from skfem_contact.pairing.corners import unselected_sides
-from skfem_contact.pairing.thresholds import LEAN, OVERHANG, SHARP
-from skfem_contact.pairing.vectors import dot
-from skfem_contact.records import dataclass
+from skfem_contact.pairing.node import node_to_segment
 from skfem_contact.trees import Tree
+
+#: Triangles this many times as large as the faces that meet them: smaller ones are a bend themselves.
+LARGER = 2.0
 
 
 class Overlaps:
@@ -62,6 +76,7 @@ class Overlaps:
     ) -> None:
         self.geometry, self.system, self.contacts = geometry, geometry.system, geometry.contacts
         self.tracks, self.known = tracks, known
+        self.depth_in_solid = cache(depth_in_solid)  # of the undeformed bodies
         self.held = np.asarray(self.system.D)
         two = [i for i, c in enumerate(self.contacts) if of_two_bodies(c)]
         self.far = [i for i in two if self.contacts[i].sliding == "finite"]
@@ -88,17 +103,6 @@ class Overlaps:
         known[dofs] = True
         known[self.held] = True
         return {b: Extrapolation(self.system, nodes, known) for b, nodes in self.nodes.items()}
-
-    @cached_property
-    def chords(self) -> dict[int, list[float]]:
-        """How far what is drawn of both sides stands off them, by the contact's number."""
-        return {i: [drawn_off(s) for s in sides_of(self.contacts[i])] for i in self.far + self.near}
-
-    @cached_property
-    def edges(self) -> dict[int, list[Edges]]:
-        """Edges of both sides of solids, by the contact's number."""
-        solid = [i for i in self.far + self.near if self.contacts[i].secondary.dim == 3]
-        return {i: [sharp_edges_of(s) for s in sides_of(self.contacts[i])] for i in solid}
 
     def look_far(self, result: Answer, drifts: Sequence[Drift]) -> frozenset[int]:
         """Numbers of contacts that slide far and seem to overlap by more than their bounds.
@@ -137,48 +141,50 @@ class Overlaps:
         )
 
     def _seems(self, i: int, parts: dict[int, Array], result: Answer, drift: Drift) -> bool:
-        """Whether a contact seems to overlap, by displacements of its bodies."""
-        added = np.nan_to_num(self.tracks[i].gap_added(result))
-        noise, sides = SOLVED * self.system.extent, sides_of(self.contacts[i])
-        numbers = [self.system.index(side.body) for side in sides]
-        places = [s.points + parts[b][s.dofs] for s, b in zip(sides, numbers, strict=True)]
-        bodies = [self.nodes[b].displaced(parts[b]) for b in numbers]
-        given = places, added, drift.approach, noise
-        if any(self._beyond(i, k, bodies[1 - k], *given) for k in range(2)):
-            return True
-        return i in self.edges and crossing(self.edges[i], *given) is not None
-
-    def _beyond(
-        self,
-        i: int,
-        k: int,
-        other: Boundary,
-        places: Sequence[Array],
-        added: Array,
-        approach: float,
-        noise: float,
-    ) -> bool:
-        """Whether points of one side of a contact lie in the other body, deeper than their bound.
+        """Whether points of a side or edges lie in the other body, by displacements of both bodies.
 
         The bound is that of `ContactValidity.excess`, with what is known of the approach; a lower one
         where small sliding of solids is looked at, seldom and by what is known of the displacements.
         """
-        side, chords = sides_of(self.contacts[i])[k], self.chords[i]
-        # what supports hold in the other body is warned of as that
-        free: Mask = np.logical_not(np.all(side.held, axis=1))
-        ends = side.facets[free[side.facets].all(axis=1)]
-        between = np.einsum("pk,fkd->pfd", side.kind.between, places[k][ends])
-        for points, explained in (
-            (places[k][free], chords[1 - k]),
-            (between.reshape(-1, side.dim), sum(chords)),
-        ):
-            bound = max(explained + (A_TENTH if i in self.near else OVERLAP) * approach, noise)
-            points, depth = other.inner(points, bound + float(np.min(added, initial=0.0)))
-            if len(points) and added.any():
-                depth = depth - added[Tree(places[0]).nearest(points)]
-            if np.max(depth, initial=0.0) > bound:
-                return True
-        return False
+        track, sides = self.tracks[i], sides_of(self.contacts[i])
+        added, noise = np.nan_to_num(track.gap_added(result)), SOLVED * self.system.extent
+        numbers = [self.system.index(side.body) for side in sides]
+        places = [s.points + parts[b][s.dofs] for s, b in zip(sides, numbers, strict=True)]
+        others = [self.nodes[b].displaced(parts[b]) for b in numbers[::-1]]
+        allowed = (A_TENTH if i in self.near else OVERLAP) * drift.approach
+        for side, nodes, other, chords in zip(sides, places, others, track.chords[::-1], strict=True):
+            # what supports hold in the other body is warned of as that
+            free: Mask = np.logical_not(np.all(side.held, axis=1))
+            ends = side.facets[free[side.facets].all(axis=1)]
+            amid = np.einsum("pk,fkd->pfd", side.kind.between, nodes[ends]).reshape(-1, side.dim)
+            for points, explained in ((nodes[free], chords), (amid, sum(track.chords))):
+                bound = max(explained + allowed, noise)
+                points, depth = other.inner(points, bound + float(np.min(added, initial=0.0)))
+                depth = less_added(depth, points, places[0], added)
+                if np.max(depth, initial=0.0) > bound:
+                    return True
+        given = places, added, drift.approach, noise
+        return track.dim == 3 and crossing(track, *given) is not None
+
+    def undetected(self, track: ContactWatch, result: Answer, u: Array, drift: Drift) -> str:
+        """Return what contact conditions do not see of an obstacle, in words; or nothing.
+
+        Parameters are those of `ContactWatch.look`, and what it has found.
+        """
+        words = leaning_words(track, result, u) if track.of_triangles else ""
+        if words or drift.closed or not track.rigid or track.contact.bilateral:
+            return words
+        # nothing touches; what finds partners that it did not have has come to another place
+        gap, depth = result.gap[track.part], self.depth_in_solid(track)
+        if depth and (track.paired.any() or not np.isfinite(gap).any()):
+            return in_solid_words(track.contact, depth)
+        found = None if track.bend is None else pierced(track.secondary, track.bend, gap)
+        return pierced_words(track.secondary, *found, track.primary.label) if found else ""
+
+
+def less_added(depth: Array, points: Array, nodes: Array, added: Array) -> Array:
+    """Depths (p,) at points less what is added to the gaps (m,) of the nodes nearest to them."""
+    return depth - added[Tree(nodes).nearest(points)] if len(points) and added.any() else depth
 
 
 def unselected_words(result: Answer, i: int) -> str:
@@ -222,34 +228,14 @@ def sides_of(contact: Contact) -> tuple[ContactSurface, ContactSurface]:
     return contact.secondary, contact.primary
 
 
-def between(
-    secondary: Boundary,
-    primary: Boundary,
-    chords: tuple[float, float],
-    extent: float,
-    nodes: Array,
-    added: Array,
-    closed: Mask,
-    paired: Mask,
-) -> Meeting:
-    """Two deformed bodies, all of their boundaries.
+def between(result: Answer, i: int, secondary: Boundary, primary: Boundary) -> Meeting:
+    """How two deformed bodies meet, all of their boundaries.
 
     Nodes are on the boundary that is meshed: that they overlap only chords of the other side explain.
-
-    Parameters
-    ----------
-    secondary, primary : Boundary
-    chords : two of float
-        How far what is drawn of each stands off it [length].
-    extent : float
-        Of the bodies [length].
-    nodes : ndarray, shape (m, d)
-        Of the secondary surface, displaced [length].
-    added : ndarray, shape (m,)
-        What the user has the gaps be larger than the meshes say [length].
-    closed, paired : ndarray of bool, shape (m,)
     """
-    noise = SOLVED * extent
+    track, nodes = result.diagnostics.tracks[i], result.moved(result.contacts[i].secondary)
+    chords, added, noise = track.chords, track.gap_added(result), SOLVED * result.system.extent
+    paired = result.kin.paired[track.part]
     # with an interference bodies may overlap before their meshes do: this shows at the nodes
     true = np.full(len(nodes), np.inf)
     true[paired] = primary.signed(nodes[paired]) + added[paired]
@@ -263,22 +249,55 @@ def between(
         for points, explained in ((own, chords[1 - k]), (samples, sum(chords))):
             depth = other.depth(points)
             points, depth = points[depth > noise], depth[depth > noise]
-            if len(points) and added[paired].any():
-                depth = depth - added[paired][Tree(nodes[paired]).nearest(points)]
+            depth = less_added(depth, points, nodes[paired], added[paired])
             beyond = float(np.max(depth, initial=0.0)) - explained
             if len(points) and depth.max() > 0 and beyond > best.overlap - best.chords:
-                i = int(np.argmax(depth))
-                best = Meeting(float(depth[i]), 0, 0.0, explained, points[i], k)
+                worst = int(np.argmax(depth))
+                best = Meeting(float(depth[worst]), 0, 0.0, explained, points[worst], k)
     lonely = primary.depth(nodes[~paired]) > max(sum(chords), noise)
-    opening = float(np.max(true[closed], initial=0.0))
+    opening = float(np.max(true[result.closed(i)], initial=0.0))
     return replace(best, unseen=int(lonely.sum()), opening=opening)
 
 
-# -- edges of solids ------------------------------------------------------------------------------
+def at_obstacle(result: Answer, i: int, body: Callable[[], Boundary]) -> Meeting:
+    """How a deformed surface, its nodes and points between them, meets the obstacle at its place.
+
+    And corners of the obstacle, which may stand in the deformed body between its nodes.
+    """
+    contact, track = result.contacts[i], result.diagnostics.tracks[i]
+    # the obstacle is exact: where facets are too long to meet it, nothing explains the overlap
+    surface, (chords,), added = contact.secondary, track.chords, track.gap_added(result)
+    obstacle, noise = track.obstacle(result.case, result.u), SOLVED * result.system.extent
+    nodes = result.moved(surface)
+    at_nodes = signed_distance(obstacle, surface, nodes) + added
+    ends = surface.facets
+    between = [
+        signed_distance(obstacle, surface, np.einsum("k,fkd->fd", w, nodes[ends])) + added[ends] @ w
+        for w in surface.kind.between
+    ]
+    deepest = -float(np.min(np.concatenate([at_nodes, *between])))
+    lonely = -at_nodes[~result.kin.paired[track.part]] > max(chords, noise)
+    opening = float(np.max(at_nodes[result.closed(i)], initial=0.0))
+    found = Meeting(deepest if deepest > noise else 0.0, int(lonely.sum()), opening, chords)
+    if obstacle.outline is None or contact.bilateral or contact.gap is not None:
+        return found
+    corners = obstacle.outline.points
+    depth = body().depth(corners)
+    inside = np.flatnonzero(depth)
+    if not len(inside):
+        return found
+    depth = depth[inside] - added[Tree(nodes).nearest(corners[inside])]
+    k = int(np.argmax(depth))
+    if depth[k] - chords <= max(found.overlap - found.chords, 0.0):
+        return found
+    return replace(found, overlap=float(depth[k]), chords=chords, place=corners[inside[k]], side=1)
+
+
+# -- edges of solids -----------------------------------------------------------------------------------
 
 
 def crossing(
-    edges: Sequence[Edges],
+    track: ContactWatch,
     points: Sequence[Array],
     added: Array,
     approach: float,
@@ -288,8 +307,7 @@ def crossing(
 
     Parameters
     ----------
-    edges : two of Edges
-        Of the secondary and the primary, as they are meshed.
+    track : ContactWatch
     points : two of ndarray, shape (m, 3)
         Where their nodes are [length].
     added : ndarray, shape (m,)
@@ -297,13 +315,12 @@ def crossing(
     approach, noise : float
         What the bodies take up elastically, and round-off of places [length].
     """
-    one, other = (own.at(x) for own, x in zip(edges, points, strict=True))
+    one, other = (own.at(x) for own, x in zip(track.edges, points, strict=True))
     # what touches has been moved aside by no more than the approach
     depth, place, across = crossings(one, other, apart=max(noise, approach))
     if not len(depth):
         return None
-    if added.any():
-        depth = depth - added[Tree(points[0]).nearest(place)]
+    depth = less_added(depth, place, points[0], added)
     i, count = int(np.argmax(depth)), int(np.count_nonzero(depth > max(noise, OVERLAP * approach)))
     return Crossing(count, float(depth[i]), place[i], across[i])
 
@@ -330,148 +347,157 @@ def pressed_aside(found: Crossing, side: ContactSurface, normal: Array, closed: 
     return bool(along < np.cos(3 * A_TENTH))  # edges lean with the strains of their bodies
 
 
-@dataclass(frozen=True, eq=False)
-class Edges:
-    """Convex edges of the boundary of a body, at the faces of one surface.
+# -- what obstacles hide ---------------------------------------------------------------------------
 
-    Attributes
+
+# -- a surface in the solid of its obstacle -------------------------------------------------------
+
+
+def depth_in_solid(track: ContactWatch) -> float:
+    """How deep a surface lies in the solid of its obstacle, all of it and unseen; zero if it does not.
+
+    Finite sliding looks for partners anew in every step, so a point without one is no mistake: it may
+    come to meet the obstacle yet. But where all of a surface is in the solid from the beginning, and
+    nothing of it finds what it could touch, the obstacle is taken for its own inverse. (With small
+    sliding points that find nobody are refused.) A closed outline may offer its far side instead: its
+    gaps are open, where the points are in the solid.
+    """
+    contact, pairing = track.contact, track.pairing
+    obstacle, surface = _shape(contact), contact.secondary
+    outline, paired = obstacle.outline, pairing.paired
+    known = contact.gap is not None or contact.adjust
+    if paired.any() and (outline is None or known or np.any(pairing.gap[paired] <= 0)):
+        return 0.0  # what overlaps is seen
+    distance = signed_distance(obstacle, surface, surface.points)
+    if outline is not None and np.any(abs(distance) >= abs(Rim.of(outline).beyond(surface.points))):
+        return 0.0  # on which side of an open outline points beyond its ends are is not known
+    noise = SOLVED * float(np.max(np.ptp(surface.points, axis=0)))
+    deepest = -float(distance.min())
+    return deepest if deepest > noise and np.all(distance <= noise) else 0.0
+
+
+def in_solid_words(contact: Contact, depth: float) -> str:
+    """Say that a surface lies in the solid of its obstacle, and what to do."""
+    shape = _shape(contact)
+    hollow = getattr(shape, "hollow", None)
+    way = "turn the sign of its function" if hollow is None else f"give it hollow={not hollow}"
+    if not getattr(shape, "closed", True):
+        way = "give its points, or the corners of its triangles, the other way round"
+    return (
+        f"nothing touches. From the beginning all of {contact.secondary.label!r} lies where "
+        f"{contact.primary.label!r} is solid{', which is round its hole' if hollow else ''}, by up to "
+        f"{depth:.3g}, and finds nothing there that it could touch. If the body is meant to be on the "
+        f"other side, {way}; else the obstacle is in the wrong place."
+    )
+
+
+def _shape(contact: Contact) -> Obstacle:
+    primary = contact.primary
+    assert isinstance(primary, Obstacle)
+    return shape_of(primary)
+
+
+# -- round tools between nodes --------------------------------------------------------------------
+
+
+def pierced(surface: ContactSurface, bend: Array, gap: Array) -> tuple[float, Array] | None:
+    """Return where a round tool stands in a facet none of whose nodes it touches, and how deep.
+
+    Parameters
     ----------
-    ends : ndarray of int, shape (e, 2)
-        Nodes of the surface.
-    corners : ndarray of int, shape (e, 2, c)
-        Those of both faces beside each edge, where they belong to the surface.
-    face : ndarray of int, shape (e, 2)
-        Faces of the surface beside each edge; -1 for one that does not belong to it.
-    normal : ndarray, shape (e, 2, 3)
-        Outward normals of both faces.
-    points : ndarray, shape (e, 2, 3)
-        Where the ends are [length].
-    room : ndarray, shape (e,)
-        Half of the shortest edge of the two faces: what lies deeper is another part of the
-        boundary [length].
+    surface : ContactSurface
+    bend : ndarray, shape (d, d)
+        Of the obstacle.
+    gap : ndarray, shape (m,)
+        Of the answer, all open; `inf` without a partner [length].
+
+    Returns
+    -------
+    (depth, place) or None
+        If it stands in a facet by more than a fifth of its height over the facet.
     """
+    if np.trace(bend) <= 0:  # planes and holes have no part that reaches between nodes
+        return None
+    chords = _pieces(surface)
+    x = surface.points
+    along = x[chords[:, 1]] - x[chords[:, 0]]
+    rise = np.einsum("cd,de,ce->c", along, bend, along)
+    # of sides that fit, such as a pin in a hole of many sides, the smooth boundaries count
+    own = np.repeat(bends(surface)[0], len(along) // len(surface.facets), axis=0)
+    rise = np.minimum(rise, rise + np.einsum("cd,cde,ce->c", along, own, along))
+    found = np.isfinite(gap)[chords].all(axis=1) & (rise > 0)
+    chords, rise = chords[found], rise[found]
+    a, b = gap[chords].T
+    between = np.abs(a - b) < 0.5 * rise  # the lowest place of the parabola
+    if not between.any():
+        return None
+    a, b, rise, chords = a[between], b[between], rise[between], chords[between]
+    depth = rise / 8 - 0.5 * (a + b) + 0.5 * (a - b) ** 2 / rise
+    worst = int(np.argmax(depth))
+    if depth[worst] <= SAGITTA * rise[worst] / 8:
+        return None
+    part = 0.5 + (a[worst] - b[worst]) / rise[worst]
+    return float(depth[worst]), (1 - part) * x[chords[worst, 0]] + part * x[chords[worst, 1]]
 
-    ends: Index
-    corners: Index
-    face: Index
-    normal: Array
-    points: Array
-    room: Array
 
-    def at(self, points: Array) -> Edges:
-        """The same edges with the nodes of the surface at other places, (m, 3).
-
-        Faces that do not belong to it have not turned.
-        """
-        normal = area_vectors(points[self.corners])
-        normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), np.finfo(float).tiny)
-        normal = np.where((self.face >= 0)[..., None], normal, self.normal)
-        return replace(self, normal=normal, points=points[self.ends])
+def _pieces(surface: ContactSurface) -> Index:
+    """Nodes at the ends of chords between which there is no node, (c, 2)."""
+    facets, kind, k = surface.facets, surface.kind, surface.kind.corners
+    if kind.quadratic:  # along the edges; in the middle of a face there may be a node
+        edges = [(i, k + i) for i in range(k)] + [(k + i, (i + 1) % k) for i in range(k)]
+        pairs = [(0, 2), (2, 1)] if surface.dim == 2 else edges
+    else:
+        pairs = [(i, j) for j in range(k) for i in range(j)]
+    return facets[:, pairs].reshape(-1, 2)
 
 
-def sharp_edges_of(surface: ContactSurface) -> Edges:
-    """Convex edges at which the boundary of the body turns by more than the pieces of a curve do.
-
-    Those between two faces of the surface, and those at which it ends.
-    """
-    mesh, basis = surface.body.basis.mesh, surface.body.basis
-    numbers, corners = seen_from_outside(mesh, mesh.boundary_facets())
-    x = np.transpose(mesh.p[:, corners], (1, 2, 0))
-    n = area_vectors(x)
-    n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), np.finfo(float).tiny)
-    twins, c = twin_edges(corners), corners.shape[1]
-    face, edge = np.nonzero(twins >= 0)
-    there = twins[face, edge] // c
-    once = face < there
-    face, edge, there = face[once], edge[once], there[once]
-    ends = np.stack([corners[face, edge], corners[face, (edge + 1) % c]], axis=1)
-    # numbers in the surface
-    mine = np.full(mesh.facets.shape[1], -1)
-    mine[surface.mesh_facets] = np.arange(len(surface.mesh_facets))
-    faces = mine[numbers[np.stack([face, there], axis=1)]]
-    middle = mesh.p[:, ends].mean(axis=2).T
-    convex = (dot(n[face], n[there]) < np.cos(SHARP)) & (
-        dot(x[there].mean(axis=1) - middle, n[face]) < 0
-    )
-    some = np.flatnonzero(convex & (faces >= 0).any(axis=1))
-    face, there, ends, faces = face[some], there[some], ends[some], faces[some]
-    place = np.full(surface.body.n, -1)
-    place[surface.dofs[:, 0]] = np.arange(len(surface.points))
-    shortest = np.linalg.norm(x - np.roll(x, -1, axis=1), axis=2).min(axis=1)
-    return Edges(
-        ends=place[basis.nodal_dofs[0, ends]],
-        corners=surface.facets[:, :c][faces],
-        face=faces,
-        normal=np.stack([n[face], n[there]], axis=1),
-        points=np.moveaxis(mesh.p[:, ends], 0, -1),
-        room=0.5 * np.minimum(shortest[face], shortest[there]),
+def pierced_words(surface: ContactSurface, depth: float, place: Array, label: str) -> str:
+    """Say that a tool stands between nodes and presses on nothing, and what to do."""
+    return (
+        f"{label!r} stands in {surface.label!r} by {depth:.3g} at {written(place)}, between nodes that "
+        "it does not touch, and presses on nothing: facets are too long for so light a contact. Refine "
+        "the surface where the tool touches, to four nodes or more under it."
     )
 
 
-def crossings(one: Edges, other: Edges, apart: float = 0.0) -> tuple[Array, Array, Array]:
-    """Depths (p,) and places (p, 3) where edges of two bodies cross, each inside the other body.
+# -- obstacles of triangles -----------------------------------------------------------------------
 
-    And the unit vectors (p, 3) across both edges, from the first body to the second. Edges that are
-    not farther than `apart` from each other count as well, with negative depths.
 
-    >>> import numpy as np
-    >>> up, down = (
-    ...     np.array([[[0, 1, 1], [0, -1, 1]]]) / 2**0.5,
-    ...     np.array([[[1, 0, -1], [-1, 0, -1]]]) / 2**0.5,
-    ... )
-    >>> def ridge(normal, points):
-    ...     return Edges(
-    ...         np.array([[0, 1]]),
-    ...         np.zeros((1, 2, 4), int),
-    ...         np.array([[0, 1]]),
-    ...         normal,
-    ...         np.array([points]),
-    ...         np.ones(1),
-    ...     )
-    >>> depth, place, across = crossings(
-    ...     ridge(up, [[-1.0, 0, 0], [1.0, 0, 0]]), ridge(down, [[0, -1.0, -0.1], [0, 1.0, -0.1]])
-    ... )
-    >>> depth.round(12).tolist(), place.round(12).tolist(), across.tolist()
-    ([0.1], [[0.0, 0.0, -0.05]], [[0.0, 0.0, 1.0]])
+def leaning_faces(secondary: ContactSurface, outline: ContactSurface) -> Mask:
+    """Large triangles that are no pieces of a curve, and whose normals lean nevertheless, shape (nf,).
+
+    Normals turn from a flat into a chamfer over a strip along the bend (`obstacles.bends`). Forces on
+    what stands there, and not on the flat, lean by up to half of the angle of the bend.
+    A flat that turns alike at both ends, by less than 16 sides to a circle do, may be a piece of one.
     """
-    empty = np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3))
-    if not (len(one.ends) and len(other.ends)):
-        return empty
-    a, b = one.points, other.points
-    half = [0.5 * np.linalg.norm(x[:, 1] - x[:, 0], axis=1).max() for x in (a, b)]
-    i, j = Tree(a.mean(axis=1)).pairs(b.mean(axis=1), half[0] + half[1])
-    way = a[i, 1] - a[i, 0], b[j, 1] - b[j, 0]
-    length = [np.linalg.norm(w, axis=1) for w in way]
-    across = np.cross(*way)
-    size = np.linalg.norm(across, axis=1)
-    some = np.flatnonzero(size > LEAN * length[0] * length[1])  # others are parallel
-    if not len(some):  # as a rule
-        return empty
-    i, j, across = i[some], j[some], across[some] / size[some, None]
-    first, second = way[0][some], way[1][some]
-    across *= np.where(dot(across, one.normal[i].sum(axis=1)) < 0, -1.0, 1.0)[:, None]
-    seen = _between(one.normal[i], across) & _between(other.normal[j], -across)
-    # where the lines are closest
-    away = b[j, 0] - a[i, 0]
-    up = np.cross(first, second)
-    square = dot(up, up)
-    s = dot(np.cross(away, second), up) / square
-    t = dot(np.cross(away, first), up) / square
-    beyond = np.maximum(np.abs(s - 0.5), np.abs(t - 0.5)) - 0.5
-    # where an edge goes on in the next one, bent, two may pass both crossings by
-    seen &= beyond <= (OVERHANG if apart > 0 else 0.0)
-    depth = -dot(away, across)
-    depth = np.where(beyond > 0, np.minimum(depth, 0.0), depth)
-    seen &= (depth > -apart) & (depth < np.minimum(one.room[i], other.room[j]))
-    place = 0.5 * (a[i, 0] + s[:, None] * first + b[j, 0] + t[:, None] * second)
-    return depth[seen], place[seen], across[seen]
+    size = LARGER * float(np.median(secondary.lengths))
+    corners = outline.facet_node_normals[:, : outline.kind.corners]
+    off = np.linalg.norm(corners - outline.facet_normals[:, None], axis=2).max(axis=1)
+    return kinked_edges(outline).any(axis=1) & (off > A_TENTH) & (outline.lengths > size)
 
 
-def _between(normals: Array, way: Array) -> NDArray[np.bool_]:
-    """Return whether directions (p, 3) across edges lie between the normals (p, 2, 3) beside them."""
-    first, last = normals[:, 0], normals[:, 1]
-    axis = np.cross(first, last)
-    # normals that are opposite, of two lips of a slit, leave no direction between them
-    axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), np.finfo(float).tiny)
-    begin, end = dot(np.cross(first, way), axis), dot(np.cross(way, last), axis)
-    return np.asarray((begin > LEAN) & (end > LEAN) & (dot(first + last, way) > 0))
+def leaning_words(track: ContactWatch, result: Answer, u: Array) -> str:
+    """Say what to say of forces that lean on flats of triangles; empty if they do not, or hardly.
+
+    By displacements u (n,) that are right at the contact DOFs.
+    """
+    contact, part, state = track.contact, track.part, result.state
+    surface, outline = contact.secondary, track.obstacle(result.case, u).outline
+    assert outline is not None
+    leaning = leaning_faces(surface, outline)
+    force = np.where(state.status[part] != OPEN, np.abs(state.normal_force[part]), 0.0)
+    if not (leaning.any() and force.any()):
+        return ""
+    pairing = node_to_segment(surface.moved(u[result.system.slice(surface.body)]), outline)
+    on_flat = pairing.paired & leaning[np.where(pairing.paired, pairing.facet, 0)]
+    facet = np.where(on_flat, pairing.facet, 0)
+    off = (pairing.normal - outline.facet_normals[facet]) * (force * on_flat)[:, None]
+    lean = float(np.linalg.norm(off.sum(axis=0)) / force.sum())
+    if lean <= A_TENTH:
+        return ""
+    return (
+        f"normals of {contact.primary.label!r} lean by {lean:.2g} rad in the mean from those of its "
+        "triangles, which are large and flat beside bends of less than 45 degrees, and so do the "
+        "forces. Along a bend normals turn over an eighth of a triangle; where that is too wide, give "
+        "the flat narrow triangles along it."
+    )

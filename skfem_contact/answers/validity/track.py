@@ -18,18 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.validity.chords import curvatures, sagittas
-from skfem_contact.answers.validity.deformed_boundaries import Rim
-from skfem_contact.answers.validity.obstacles import (
-    depth_in_solid,
-    distances,
-    in_solid_words,
-    leaning_words,
-    of_triangles,
-    outline_of,
-    pierced,
-    pierced_words,
-)
+from skfem_contact.answers.validity.chords import curvatures, drawn_off, sagittas
+from skfem_contact.answers.validity.deformed_boundaries import Edges, Rim, sharp_edges_of
 from skfem_contact.answers.validity.support import (
     Support,
     beyond_round_off,
@@ -47,6 +37,7 @@ from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import COMPUTED
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import shape_of
+from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.pairing.vectors import dot
 from skfem_contact.trees import Tree
@@ -296,7 +287,8 @@ class ContactWatch(Track):
         self.contact, self.part = geometry.contacts[i], geometry.point_slices[i]
         contact, pairing = self.contact, geometry.pairings[i]
         super().__init__(contact, pairing, geometry.kin.gap0[self.part], geometry.interference[i])
-        self.pairing, self.small = pairing, contact.sliding == "small"
+        self.dim, self.pairing = self.points.shape[1], pairing
+        self.small = contact.sliding == "small"
         self.rigid, self.tool = contact.rigid, contact.rigid_body is not None
         self.of_triangles = of_triangles(contact)
         sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
@@ -305,8 +297,7 @@ class ContactWatch(Track):
         # of half of it times the size of a face. Its mean over the axes is the same in all axes
         stiff = [diagonals[b][s.dofs].mean(axis=1) for b, s in zip(self.bodies, sides, strict=True)]
         self.extent = sum(supports[b].arm for b in self.bodies)
-        dim = self.points.shape[1]
-        size = [1.0 if dim == 2 else 0.5 * float(np.median(side.lengths)) for side in sides]
+        size = [1.0 if self.dim == 2 else 0.5 * float(np.median(side.lengths)) for side in sides]
         self.soft, self.spared = pressed_in(pairing, sides, stiff, size)
         if contact.rigid_body is not None:  # it takes up nothing, but it moves
             self.bodies.append(self.system.index(contact.rigid_body))
@@ -408,6 +399,11 @@ class ContactWatch(Track):
                     found["off_arc"] = self._off_arc(motion, np.where(closed, force, 0.0))
         return found | self.drift(closed, slip, force, approach)
 
+    def obstacle(self, case: LoadCase, u: Array) -> Obstacle:
+        """The obstacle at its place; a rigid body's by displacements u (n,)."""
+        assert isinstance(self.primary, Obstacle)
+        return shape_of(self.primary).moved(self._motion(case, u)[0].as_argument())
+
     def _motion(self, case: LoadCase, u: Array) -> tuple[Motion, Array]:
         """Motion of the obstacle, and the linear displacement (m, d) its DOFs give points on it."""
         body = self.contact.rigid_body
@@ -471,7 +467,7 @@ class ContactWatch(Track):
         pressed = float(pressing.sum() * self.soft)
         if self.spared is not None:
             pressed = max(pressed - float(pressing @ self.spared[closed]), 0.0)
-        if self.points.shape[1] == 3:  # a force over a length, where in 2-D it is over the thickness
+        if self.dim == 3:  # a force over a length, where in 2-D it is over the thickness
             pressed = pressed / width if width else 0.0
         return pressed, pressed / width if width else 0.0
 
@@ -483,7 +479,8 @@ class ContactWatch(Track):
         force = result.state.normal_force[self.part]
         force = np.where(result.state.status[self.part] != OPEN, force, 0.0)
         if self.of_pieces:
-            outline = outline_of(result, self.i, u)
+            outline = self.obstacle(result.case, u).outline
+            assert outline is not None
             return self.sagitta(force, (self._placed(u, self.secondary), outline.points, outline))
         if self.small or not isinstance(self.primary, ContactSurface):
             return self.sagitta(force)
@@ -494,28 +491,21 @@ class ContactWatch(Track):
     def _placed(self, u: Array, side: ContactSurface) -> Array:
         return np.asarray(side.points + u[self.system.slice(side.body)][side.dofs])
 
+    @cached_property
+    def chords(self) -> list[float]:
+        """How far what is drawn of both sides, which are bodies, stands off them [length]."""
+        sides = self.secondary, self.primary
+        return [drawn_off(side) for side in sides if isinstance(side, ContactSurface)]
+
+    @cached_property
+    def edges(self) -> list[Edges]:
+        """Edges of both sides, which are solids."""
+        sides = self.secondary, self.primary
+        return [sharp_edges_of(side) for side in sides if isinstance(side, ContactSurface)]
+
     def gap_added(self, result: Answer) -> Array:
         """What the user has the gaps be larger than the meshes say, (m,) [length]."""
         return np.asarray(self.added - result.worn_case.interference[self.part])
-
-    def undetected(self, result: Answer, u: Array, drift: Drift) -> str:
-        """Return what contact conditions do not see of an obstacle, in words; or nothing.
-
-        Parameters are those of `look`, and what it has found.
-        """
-        words = leaning_words(result, self.i, u) if self.of_triangles else ""
-        if words or drift.closed or not self.rigid or self.contact.bilateral:
-            return words
-        # nothing touches; what finds partners that it did not have has come to another place
-        gap = result.gap[self.part]
-        if self._depth_in_solid and (self.paired.any() or not np.isfinite(gap).any()):
-            return in_solid_words(self.contact, self._depth_in_solid)
-        found = None if self.bend is None else pierced(self.secondary, self.bend, gap)
-        return pierced_words(self.secondary, *found, self.primary.label) if found else ""
-
-    @cached_property
-    def _depth_in_solid(self) -> float:
-        return depth_in_solid(self.contact, self.pairing)
 
     def seems_coarse(self, result: Answer, drift: Drift) -> bool:
         """Whether facets seem too long; by displacements where points slide far or a force moves it."""
@@ -546,3 +536,29 @@ def node_lengths(surface: ContactSurface, pairing: Pairing) -> Array:
     share = np.array([0.5, 0.5] if surface.facets.shape[1] == 2 else [0.25, 0.25, 0.5])
     length = (surface.lengths[:, None] * share).ravel()
     return np.asarray(np.bincount(surface.facets.ravel(), length, len(surface.points)), dtype=float)
+
+
+def signed_distance(obstacle: Obstacle, surface: ContactSurface, points: Array) -> Array:
+    """Signed distances of any points, whether they face the obstacle or not."""
+    # these points are none of the nodes that the facets of the surface are made of
+    outline = obstacle.outline
+    if outline is not None:
+        return signed_distances(outline, points)
+    at = replace(surface, points=points, normals=np.zeros_like(points))
+    return distances(obstacle, at)[0]
+
+
+def distances(obstacle: Obstacle, surface: ContactSurface) -> tuple[Array, Array, Mask]:
+    """Distances, normals and partners of `Obstacle.distance`, of a level set to first order."""
+    from skfem_contact.obstacles.shapes import LevelSet
+
+    if not isinstance(obstacle, LevelSet):
+        return obstacle.distance(surface)
+    return obstacle.first_order(surface)
+
+
+def of_triangles(contact: Contact) -> bool:
+    """Return whether it is a solid on an obstacle of triangles, whose normals may lean."""
+    outline = contact.primary.outline if isinstance(contact.primary, Obstacle) else None
+    rigid = outline is not None and outline.dim == 3
+    return rigid and not contact.bilateral and contact.gap is None

@@ -169,10 +169,16 @@ class Drift:
         return self.facets > FACETS and self.widths > A_TENTH
 
     @property
+    def worst(self) -> float:
+        """The largest number of small sliding over its bound."""
+        past = self.beyond_share if self.beyond else 0.0
+        off = max(self.tilt, self.off_arc, self.gap_share, past) / A_TENTH
+        return max(min(self.facets / FACETS, self.widths / A_TENTH), off)
+
+    @property
     def small_sliding_holds(self) -> bool:
         """Return whether small sliding is a good model at this answer."""
-        off = self.tilt > A_TENTH or self.off_arc > A_TENTH or self.gap_share > A_TENTH
-        return not (self.slides_far or self.passes_end or off)
+        return self.worst <= 1.0
 
     @property
     def passes_end(self) -> bool:
@@ -414,10 +420,7 @@ class Validity(NamesAttributes):
         """The largest number over its bound; up to one the model holds."""
         found = [0.0]
         for part in self.contacts.values():
-            drift = part.drift
-            found += [min(drift.facets / FACETS, drift.widths / A_TENTH), drift.tilt / A_TENTH]
-            found += [drift.off_arc / A_TENTH, drift.gap_share / A_TENTH, part.excess]
-            found.append(drift.sagitta_share / SAGITTA)
+            found += [part.drift.worst, part.drift.sagitta_share / SAGITTA, part.excess]
         found += [strain / A_TENTH for strain in self.strain.values()]
         found += [turn / A_TENTH for name, turn in self.rotation.items() if turn > self.strain[name]]
         found += [share / LOCKED for share in self.locking.values()]
