@@ -35,14 +35,10 @@ E, nu, forming = 210e3, 0.3, 600.0
 
 
 # %% Bodies, by their tags; the two cuts are planes of symmetry
-def cuts(basis):
-    return [basis.get_dofs("left").all("u^1"), basis.get_dofs("bottom").all("u^2")]
-
-
 bodies = sc.read_bodies(
     here / "meshes" / "die_set.msh",
     linear_elasticity(*lame_parameters(E, nu)),
-    settings={"*": {"D": cuts}},
+    settings={"*": {"D": {"left": "x", "bottom": "y"}}},
 )
 
 # %% Contacts

@@ -49,20 +49,19 @@ def circle(x):
     return 2 * np.pi * x[0]
 
 
-def section(r, z, holds_axis=False):
+def section(r, z):
     mesh = fem.MeshQuad.init_tensor(r, z).with_defaults()
-    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
-    D = basis.get_dofs("bottom").all("u^2")
-    return basis, np.union1d(D, basis.get_dofs("left").all("u^1")) if holds_axis else D
+    return fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
 
 
 z = np.linspace(0, die_height, 29)
-basis, D = section(np.linspace(0, radius - clear, 21), np.linspace(0, height, 21), holds_axis=True)
+basis = section(np.linspace(0, radius - clear, 21), np.linspace(0, height, 21))
+D = {"bottom": "y", "left": "x"}
 billet = sc.NonlinearBody(basis, aluminium, D=D, measure=circle, name="billet")
-basis, D = section(np.linspace(radius, die_radius, 15), z)
-die = sc.Body(basis, steel, D=D, measure=circle, name="die")
-basis, D = section(np.linspace(die_radius, ring_radius, 11), z)
-ring = sc.Body(basis, steel, D=D, measure=circle, name="ring")
+basis = section(np.linspace(radius, die_radius, 15), z)
+die = sc.Body(basis, steel, D={"bottom": "y"}, measure=circle, name="die")
+basis = section(np.linspace(die_radius, ring_radius, 11), z)
+ring = sc.Body(basis, steel, D={"bottom": "y"}, measure=circle, name="ring")
 punch = sc.RigidPlane((0, height), (0, -1), name="punch")
 
 # %% Contacts

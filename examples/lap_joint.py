@@ -42,12 +42,8 @@ def body(lines, solid, faces, name):
     mesh = fem.MeshHex.init_tensor(*(np.array(along, dtype=float) for along in lines))
     faces = {"middle": lambda x: x[1] == 0, "wall": lambda x: x[0] == -80, **faces}
     mesh = mesh.restrict(mesh.elements_satisfying(solid)).with_boundaries(faces)
-
-    def held(basis):
-        wall = basis.get_dofs("wall").all() if name == "lower" else []
-        return np.union1d(basis.get_dofs("middle").all("u^2"), wall).astype(int)
-
-    return sc.Body.from_mesh(mesh, fem.ElementVector(fem.ElementHexS2()), steel, D=held, name=name)
+    D = [{"middle": "y"}, "wall"] if name == "lower" else {"middle": "y"}
+    return sc.Body.from_mesh(mesh, fem.ElementVector(fem.ElementHexS2()), steel, D=D, name=name)
 
 
 def tight(along, across, up):

@@ -68,8 +68,7 @@ def circle(x):
 z = np.linspace(0, shaft_top, 111)
 shaft_basis = section(np.linspace(0, Rc, 11), z)
 hub_basis = section(np.linspace(Rc, Ro, 7), z[(z >= bottom) & (z <= top)])
-foot, axis = shaft_basis.get_dofs("bottom").all("u^2"), shaft_basis.get_dofs("left").all("u^1")
-D = np.union1d(foot, axis)
+D = {"bottom": "y", "left": "x"}
 shaft = sc.Body(shaft_basis, axisymmetric, D=D, measure=circle, name="shaft")
 hub = sc.Body(hub_basis, axisymmetric, measure=circle, name="hub")
 

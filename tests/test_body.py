@@ -301,6 +301,21 @@ def test_the_solver_asks_a_body_for_its_equations_once():
     assert results[0].force[1] == pytest.approx(1.5e-3, rel=1e-12)  # the weight of a unit square
 
 
+@pytest.mark.parametrize(
+    "element",
+    [fem.ElementHex1(), fem.ElementHexS2(), fem.ElementHex2()],
+    ids=lambda e: type(e).__name__,
+)
+def test_components_of_boundaries_are_held_by_name(element):
+    """A list joins boundaries, components by name and DOFs; scikit-fem's numbers are the other way."""
+    basis = fem.Basis(fem.MeshHex().refined(1).with_defaults(), fem.ElementVector(element))
+    point = basis.nodal_dofs[1, :1]
+    body = Body(basis, ELASTIC, D=["back", {"left": "x", "bottom": ("y", "z")}, point])
+    sides = {"back": ["u^1", "u^2", "u^3"], "left": ["u^1"], "bottom": ["u^2", "u^3"]}
+    parts = [basis.get_dofs(side).all(names) for side, names in sides.items()]
+    np.testing.assert_array_equal(body.D, np.unique(np.concatenate([*parts, point])))
+
+
 def test_pieces_are_those_that_elements_join_one_after_the_other():
     """Random elements in any order; numbers go up with the first DOF of each piece."""
     random = np.random.default_rng(2)

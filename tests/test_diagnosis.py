@@ -408,6 +408,11 @@ def test_huge_interference_is_warned_about():
         ({"x": np.full(50, np.nan)}, r"x of body 'b' holds NaN or infinite numbers"),
         ({"x": np.zeros(50), "D": None}, r"x of body 'b' prescribes values, but D does not say"),
         ({"D": "topp"}, r"D of body 'b': boundary 'topp' not found .*did you mean 'top'"),
+        ({"D": {"topp": "x"}}, r"D of body 'b': boundary 'topp' not found .*did you mean 'top'"),
+        (
+            {"D": {"top": ("x", "z")}},
+            r"D of body 'b' holds 'z' of boundary 'top'; Known components: 'x', 'y'",
+        ),
         ({"D": [999]}, r"D of body 'b' has numbers from 999 to 999"),
     ],
 )

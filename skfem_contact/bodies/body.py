@@ -73,9 +73,10 @@ class Body(Meshed):
         gives uniform tractions on boundaries, ``{"top": (0.0, -5.0)}``, in global axes [stress], or
         a pressure, ``{"bore": 5.0}``, which presses along the normals of the undeformed mesh;
         assemble other loads on a boundary with a `FacetBasis` and pass the vector.
-    D : ndarray, DofsView, dict of DofsView, (list of) boundary names, or callable, optional
-        Prescribed DOFs, as in `skfem.condense`. A boundary name stands for all components. A function
-        of the basis returns one of these: ``lambda basis: basis.get_dofs("symmetry").all("u^2")``.
+    D : (list of) boundary names, dict by boundary name, ndarray, DofsView, or callable, optional
+        Prescribed DOFs. A boundary name stands for all components, a dict names them,
+        ``{"left": "x", "base": ("x", "z")}``. All that `skfem.condense` takes is taken, and a function
+        of the basis that returns one of these.
     x : ndarray, shape (n,), or dict by boundary name, optional
         Prescribed values [length]; only the entries `D` are used. Zero if not given. A dict gives
         constant displacements of boundaries, ``{"top": (0.0, -0.01)}``, None for a component that

@@ -51,8 +51,8 @@ PLAIN = (
 CONDENSED = f"What skfem.condense returns leaves out the prescribed DOFs: {PLAIN}"
 REAL = "contact needs real numbers"
 TAKEN = (
-    "; it may be an array, basis.get_dofs(...), a dict of those, boundary names, or a function of the "
-    "basis that returns one of them"
+    "; it may be boundary names, components by boundary, {'left': 'x'}, an array, basis.get_dofs(...), "
+    "a dict of those, or a function of the basis that returns one of them"
 )
 
 
@@ -338,7 +338,7 @@ def prescribed_dofs(D: Any, basis: Any, whose: str) -> np.ndarray:
             )
         return np.unique(D.flatten()).astype(np.int64)
     if isinstance(D, dict):
-        D = list(D.values())
+        D = [_components(name, held, basis, whose) for name, held in D.items()]
     if isinstance(D, list | tuple | set | frozenset):
         D = list(D)
         if any(isinstance(part, str) or not np.isscalar(part) for part in D):
@@ -349,6 +349,20 @@ def prescribed_dofs(D: Any, basis: Any, whose: str) -> np.ndarray:
     dofs = dof_numbers(numbers, basis.N, what, TAKEN, "; D belongs to another basis")
     _warn_other_numbers(dofs, basis, what)
     return dofs
+
+
+def _components(boundary: str, held: Any, basis: Any, whose: str) -> Any:
+    """DOFs of the components of a boundary that are named, "x" or ("x", "z"); other values are DOFs."""
+    names = (held,) if isinstance(held, str) else held
+    if not (isinstance(names, list | tuple) and names and all(isinstance(name, str) for name in names)):
+        return held
+    axes = "xyz"[: basis.mesh.dim()]
+    for name in names:
+        if name not in tuple(axes):
+            known = suggest(name, axes, "components")
+            raise InputError(f"D of {whose} holds {name!r} of boundary {boundary!r}{known}")
+    of_components = [basis.split_indices()[axes.index(name)] for name in names]
+    return np.intersect1d(prescribed_dofs(boundary, basis, whose), np.concatenate(of_components))
 
 
 def _warn_other_numbers(D: np.ndarray, basis: Any, what: str) -> None:
