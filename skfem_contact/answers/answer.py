@@ -6,6 +6,7 @@ forces of contacts on the DOFs follow from it, and those of supports: what equil
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import field
 from functools import cached_property
 from typing import Any
@@ -23,7 +24,7 @@ from skfem_contact.bodies.selection import boundary_dofs
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.friction_rule import friction_bound
+from skfem_contact.conditions.friction_rule import CheckedLaw, friction_bound
 from skfem_contact.conditions.interface import point_slices
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.loads import LoadCase
@@ -250,6 +251,12 @@ class Answer:
     def slices(self) -> list[slice]:
         """The points of each contact in the joint numbering."""
         return list(point_slices(self.contacts))
+
+    def frictional(self) -> Iterator[tuple[Contact, slice, str, CheckedLaw]]:
+        """Contacts with friction, their points, names, and the laws that the answer is judged by."""
+        for contact, part, name in zip(self.contacts, self.slices(), self.names, strict=True):
+            if contact.friction is not None:
+                yield contact, part, name, CheckedLaw(contact.friction, name, contact.secondary.points)
 
     @property
     def identity(self) -> Identity:

@@ -56,7 +56,6 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import Coulomb, Tresca
-from skfem_contact.conditions.friction_rule import CheckedLaw
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.state import OPEN, SLIP
 from skfem_contact.digits import COMPUTED, SOLVED
@@ -169,11 +168,9 @@ def coefficients(result: Answer) -> Array:
     state, kin = result.local, result.kin
     out = np.full(kin.m, np.nan)
     slip = state.slip - state.reference
-    for contact, part, name in zip(result.contacts, result.slices(), result.names, strict=True):
-        if contact.friction is not None:
-            force = np.maximum(state.normal_force[part], 0.0)
-            law = CheckedLaw(contact.friction, name, contact.secondary.points)
-            out[part] = law.slope(force, kin.area[part], slip[part])
+    for _, part, _, law in result.frictional():
+        force = np.maximum(state.normal_force[part], 0.0)
+        out[part] = law.slope(force, kin.area[part], slip[part])
     out = np.where(kin.bilateral & (state.normal_force < 0), 0.0 * out, out)  # tension changes no bound
     return np.where(kin.paired, out, np.nan)
 

@@ -347,9 +347,6 @@ def pressed_aside(found: Crossing, side: ContactSurface, normal: Array, closed: 
     return bool(along < np.cos(3 * A_TENTH))  # edges lean with the strains of their bodies
 
 
-# -- what obstacles hide ---------------------------------------------------------------------------
-
-
 # -- a surface in the solid of its obstacle -------------------------------------------------------
 
 
