@@ -7,7 +7,7 @@ forces of contacts on the DOFs follow from it, and those of supports: what equil
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import field
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any
 
@@ -125,7 +125,9 @@ class Answer:
         """All that reports and pictures need, without the factors of the bodies and functions."""
         self.u  # noqa: B018 (recovered before the factors stay behind)
         self.bound_before  # noqa: B018 (all that is asked of the state before)
-        return {**vars(self), "before": None}
+        tracks = tuple(track.carried() for track in self.diagnostics.tracks)
+        diagnostics = replace(self.diagnostics, tracks=tracks)
+        return {**vars(self), "before": None, "diagnostics": diagnostics}
 
     def __setstate__(self, known: dict[str, Any]) -> None:
         vars(self).update(known)

@@ -359,7 +359,7 @@ def depth_in_solid(track: ContactWatch) -> float:
     sliding points that find nobody are refused.) A closed outline may offer its far side instead: its
     gaps are open, where the points are in the solid.
     """
-    contact, pairing = track.contact, track.pairing
+    contact, pairing = track.contact, track.geometry.pairings[track.i]
     obstacle, surface = _shape(contact), contact.secondary
     outline, paired = obstacle.outline, pairing.paired
     known = contact.gap is not None or contact.adjust

@@ -10,6 +10,7 @@ and gaps are compared with those where the obstacle and the points are.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -287,7 +288,7 @@ class ContactWatch(Track):
         self.contact, self.part = geometry.contacts[i], geometry.point_slices[i]
         contact, pairing = self.contact, geometry.pairings[i]
         super().__init__(contact, pairing, geometry.kin.gap0[self.part], geometry.interference[i])
-        self.dim, self.pairing = self.points.shape[1], pairing
+        self.dim = self.points.shape[1]
         self.small = contact.sliding == "small"
         self.rigid, self.tool = contact.rigid, contact.rigid_body is not None
         self.of_triangles = of_triangles(contact)
@@ -314,6 +315,23 @@ class ContactWatch(Track):
                 self.loose = [self._free(b, known()) for b in self.bodies]
         self.asks = self.of_triangles or self.loose is not None or self.of_pieces
         self.asks |= self.tool and self.small
+
+    def carried(self) -> ContactWatch:
+        """What an answer takes along, without what steps alone look with: it comes from the bodies."""
+        out = copy(self)
+        for name in (
+            "geometry",
+            "motions",
+            "loose",
+            "soft",
+            "spared",
+            "borne",
+            "held",
+            "inside",
+            "asks",
+        ):
+            delattr(out, name)
+        return out
 
     def _free(self, b: int, known: Index) -> Support:
         """Return how a body moves as a whole, by what is known of its displacements."""
