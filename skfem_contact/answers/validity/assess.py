@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 
@@ -151,7 +152,7 @@ class Watch:
         Warns
         -----
         ContactWarning
-            One for each contact or body and kind, with the numbers and the setting to change.
+            One for each contact, and body and kind, with the numbers and the setting to change.
         """
         result.diagnostics = Diagnostics(issued=issued, leaning=leaning)
         if self.moves:
@@ -202,9 +203,13 @@ class Watch:
             return known
         measured = Assessment(result)
         problems = measured.problems(suspected, bodies, known.issued)
-        for key in problems:
-            if key not in known.issued:
-                warn(problems[key] + ONCE)
+        new = {key: words for key, words in problems.items() if key not in known.issued}
+        for i in suspected:  # one warning for all of a contact
+            own = [new.pop((kind, result.names[i]), "") for kind in OF_CONTACTS]
+            if any(own):
+                warn(measured.label(i) + " ".join(filter(None, own)) + ONCE)
+        for words in new.values():
+            warn(words + ONCE)
         return replace(known, issued=known.issued | looked | set(problems), meetings=measured.meetings)
 
     def _suspected(self, result: Answer) -> tuple[dict[int, set[str]], Issued]:
@@ -288,6 +293,9 @@ def assess(result: Answer) -> Validity:
         range(len(result.names)) if result.diagnostics.tracks else ()
     )  # scalar fields move nothing
     problems = measured.problems(dict.fromkeys(contacts, OF_CONTACTS), measured.bounded)
+    for i, kind in product(contacts, OF_CONTACTS):
+        if (key := (kind, result.names[i])) in problems:
+            problems[key] = measured.label(i) + problems[key]
     for (kind, name), text in problems.items():
         issued = (kind, name) in result.diagnostics.issued
         issued |= kind == "overlap" and result.diagnostics.prescribed(name)
@@ -346,12 +354,15 @@ class Assessment:
         """
         found: dict[tuple[str, str], str] = {}
         for i, kinds in contacts.items():
-            name, label = self.result.names[i], self.result.contacts[i].label
             words = self.of_contact(i, kinds)
-            found |= {(kind, name): f"Contact {name!r} ({label}): {words[kind]}" for kind in words}
+            found |= {(kind, self.result.names[i]): words[kind] for kind in words}
         for name in bodies:
             found |= {(kind, name): words for kind, words in self.of_body(name).items()}
         return found | leaning(self.system, self.result.diagnostics.leaning, {*told, *found})
+
+    def label(self, i: int) -> str:
+        """Return which contact sentences are about."""
+        return f"Contact {self.result.names[i]!r} ({self.result.contacts[i].label}): "
 
     # -- bodies -------------------------------------------------------------------------------
 
