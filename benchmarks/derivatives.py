@@ -21,8 +21,8 @@ from scipy.sparse.linalg import eigsh
 
 import skfem_contact as sc
 from skfem_contact.answers.answer import answer_of
-from skfem_contact.answers.tangent.tangent import held_rows, left_free
-from skfem_contact.history.gradients import gradient
+from skfem_contact.answers.tangent.derivatives import gradient
+from skfem_contact.answers.tangent.tangent import left_free
 
 
 def rectangle(x: Any, y: Any) -> fem.CellBasis:
@@ -53,7 +53,7 @@ def scene(cells: tuple[int, int, int, int]) -> sc.ContactSolver:
 
 def held(solver: sc.ContactSolver, closed: np.ndarray) -> Any:
     """What is left free where these points are stuck, ``u = T u_r``."""
-    return left_free(held_rows(solver.kin, closed, closed), solver.system).T
+    return left_free(solver, closed, closed)[0].T
 
 
 def spent(run: Callable[[], object]) -> float:
@@ -87,7 +87,7 @@ def gradients(rounds: int = 15) -> list[float]:
         results: list[sc.answers.ContactResult] = []
         others = list(solver.history(steps))
         times[0].append(spent(lambda: results.extend(solver.history(steps))))  # noqa: B023
-        times[1].append(spent(lambda: gradient(lambda: results, objective, by)))  # noqa: B023
+        times[1].append(spent(lambda: gradient(lambda: results, objective, by, solver.recover)))  # noqa: B023
         times[2].append(spent(lambda: fem.solve(tied, np.ones(tied.shape[0]))))
         times[3].append(spent(lambda: fem.solve(apart, f)))
         times[4].append(spent(lambda: objective(others)))  # noqa: B023

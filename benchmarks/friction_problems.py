@@ -36,7 +36,8 @@ from scipy.linalg import LinAlgError
 from scipy.sparse import block_array, csr_matrix
 
 import skfem_contact as sc
-from skfem_contact.conditions.friction_rule import CheckedLaw, FrictionRule
+from skfem_contact.conditions.friction import CheckedLaw
+from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN, STICK, LocalState
 from skfem_contact.errors import SingularMatrix
@@ -45,9 +46,8 @@ from skfem_contact.loops.multipliers import Collision
 from skfem_contact.loops.pulled import after
 from skfem_contact.loops.starts import proximal
 from skfem_contact.loops.step import Guess, Step
-from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.seam import Conditions, Load, Resistance, Response
-from skfem_contact.problem.thresholds import GIVE
+from skfem_contact.problem.points import Conditions, Load, PointSpace, Resistance, Response
+from skfem_contact.problem.seam import GIVE
 from skfem_contact.problem.zone import Compliance, Zones
 
 Array = NDArray[np.float64]

@@ -59,8 +59,8 @@ class Number:
 # What decides nothing in the answer: how much is worked on or kept at a time, what is drawn and said,
 # and constants of formulas and of other programs.
 TIME = {
-    *("FEW_PAIRS", "BLOCK", "LEAF", "MOST_TWINS", "MOST_DIRECTIONS", "KEPT_BESIDE", "PER_ROWS"),
-    *("FACTORS_2D", "FACTORS_3D", "SPARE", "FEWEST", "FEW_MODES", "FEW", "SOON", "LATER", "PATIENT"),
+    *("FEW_PAIRS", "NEWTON_STEPS", "LEAF", "MOST_TWINS", "MOST_DIRECTIONS", "KEPT_BESIDE", "PER_ROWS"),
+    *("FACTORS_2D", "FACTORS_3D", "SPARE", "FEWEST", "FEW_MODES", "FEW", "petsc.LATER"),
     *("ASKED", "LAYERS", "problem.SHARE", "problem.SURPLUS", "petsc.SURPLUS", "petsc.AGAIN"),
 }
 WORDS = {
@@ -69,6 +69,9 @@ WORDS = {
     "assemblies.STRONG",
     "NAMED",
     "NOT_NAMED",
+    "MISSED_AFTER",
+    "pairing.FINER",
+    "pairing.STIFFER",
     "MOST_ROWS",
     "elimination.SHOWN",
 }
@@ -79,7 +82,6 @@ CONSTANTS = {
     "GAUSS",
     "NONE",
     "NO_ROW",
-    "TRUE",
     "MIRRORED",
     "WIDTHS",
     "ROUNDING",

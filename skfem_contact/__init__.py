@@ -16,10 +16,8 @@ From the solver to the law of friction a load step passes, in this order::
     history/stepping          advance                  parts of the step, each on its own pairing
     history/stepper           Stepper.attempt          one attempt, on one pairing, from one start
     loops/driver              drive                    counts iterations, and stops them
-    loops/active_set          newton                   solves for a set of points, and corrects it
-    loops/step                Projection.proposal      what the answer asks every point to change to
-    conditions/friction_rule  FrictionRule             bounds and forces of all laws
-    conditions/friction       radial_return            the force within its bound
+    loops/active_set          active_set               solves for a set of points, and corrects it
+    conditions/friction_rule  FrictionRule             the force of all laws within its bound
 
 The packages stand in the order of the theory, and each imports only from those above it:
 
@@ -37,11 +35,10 @@ The packages stand in the order of the theory, and each imports only from those 
 * `output`: pictures and files;
 * `petsc`: linear solvers over MPI ranks, which nothing else knows of.
 
-All of them use `errors`, `arguments` and `arrays` (checks of what users pass), `digits` (what is zero),
-`records` (dataclasses that are quick to import), `sealed` (arrays that do not change), `carried`
-(functions in files and processes), `once` (what threads share), `trees` (points near each other) and
-`entrances` (what tests take from inside a package). Closed forms to compare with are in `reference`,
-which needs none of these.
+All of them use `errors`, `arguments` and `arrays` (checks of what users pass, vectors, entries of
+matrices), `digits` (what is zero), `records` (what is made once, when it is first needed), `sealed`
+(values that do not change, in files and processes too) and `trees` (points near each other). Closed
+forms to compare with are in `reference`, which needs none of these but checks of arguments.
 
 Public is what docs/interface.md lists: names of this package and of those in it. What many jobs do
 without
@@ -94,9 +91,8 @@ if TYPE_CHECKING:
     from skfem_contact.bodies.nonlinear import NonlinearBody
     from skfem_contact.materials.elastic import Elastic
     from skfem_contact.materials.plasticity import J2
-    from skfem_contact.obstacles.polyline import RigidPolyline
+    from skfem_contact.obstacles.faceted import RigidPolyline, RigidSurface
     from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
-    from skfem_contact.obstacles.triangles import RigidSurface
     from skfem_contact.output.plot_bodies import plot_deformed
     from skfem_contact.output.plot_contacts import plot_contact
     from skfem_contact.output.plot_histories import plot_history
@@ -157,9 +153,9 @@ _LATER = {
     "NonlinearBody": "bodies.nonlinear",
     "RigidCylinder": "obstacles.shapes",
     "RigidPlane": "obstacles.shapes",
-    "RigidPolyline": "obstacles.polyline",
+    "RigidPolyline": "obstacles.faceted",
     "RigidSphere": "obstacles.shapes",
-    "RigidSurface": "obstacles.triangles",
+    "RigidSurface": "obstacles.faceted",
     "find_contacts": "assemblies.finding",
     "nodal_stress": "output.stress",
     "plot_contact": "output.plot_contacts",

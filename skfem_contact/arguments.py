@@ -1,4 +1,7 @@
-"""Checks of numbers, words, switches and lists that users pass, with the name of the argument."""
+"""Checks of numbers, words, switches and lists that users pass, with the name of the argument.
+
+Attributes and members that users ask for by name, too: `NamesAttributes`, `Named`.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,9 @@ import difflib
 import functools
 import inspect
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, ParamSpec, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +24,7 @@ Array = NDArray[np.float64]
 P = ParamSpec("P")
 R = TypeVar("R")
 C = TypeVar("C", bound=type)
+T = TypeVar("T")
 WORDS = (bool, np.bool_, str, bytes)
 
 
@@ -90,6 +94,41 @@ class NamesAttributes:
             raise AttributeError(words, obj=self)  # without name=, or Python adds a guess of its own
 
 
+class Named(Sequence[T], Generic[T]):
+    """A sequence that never changes, asked by position or by name.
+
+    >>> few = Named(["x", "y"], ["first", "second"], "letters")
+    >>> few["second"], few[0], list(few), few.names
+    ('y', 'x', ['x', 'y'], ('first', 'second'))
+    >>> few
+    <letters: first, second>
+    """
+
+    def __init__(self, members: Sequence[T], names: Sequence[str], kind: str) -> None:
+        self._members, self.names, self._kind = tuple(members), tuple(names), kind
+
+    def __len__(self) -> int:
+        return len(self._members)
+
+    def __repr__(self) -> str:
+        return f"<{self._kind}: {', '.join(self.names)}>"
+
+    @overload
+    def __getitem__(self, key: int | str) -> T: ...
+    @overload
+    def __getitem__(self, key: slice) -> Sequence[T]: ...
+    def __getitem__(self, key: Any) -> Any:
+        return self._members[self.index_of(key) if isinstance(key, str) else key]
+
+    def index_of(self, name: str) -> int:
+        """The position of a member by its name."""
+        if name not in self.names:
+            raise InputError(
+                f"there is no {name!r} among the {self._kind}{suggest(name, self.names, self._kind)}"
+            )
+        return self.names.index(name)
+
+
 def numbers(value: Any, what: str, usage: str, copy: bool = True) -> Array:
     """An array of real numbers; NaN and infinity are left to the caller.
 
@@ -146,6 +185,36 @@ def whole_number(value: Any, what: str, least: int, most: float = math.inf) -> N
     if not isinstance(value, int | np.integer) or not least <= value <= most:
         bounds = f"from {least} on" if math.isinf(most) else f"from {least} to {most}"
         raise InputError(f"{what} is {shown(value)}; give a whole number {bounds}")
+
+
+def positive(**values: float) -> None:
+    """Raise `InputError` unless every named value is a positive number.
+
+    Examples
+    --------
+    >>> positive(R=1.0, P=2.0)
+    >>> positive(R=-1.0)
+    Traceback (most recent call last):
+        ...
+    skfem_contact.errors.InputError: R = -1.0 must be positive.
+    """
+    for name, value in values.items():
+        if not value > 0:
+            raise InputError(f"{name} = {value} must be positive.")
+
+
+def not_negative(**values: float) -> None:
+    """Raise `InputError` unless every named value is zero or positive."""
+    for name, value in values.items():
+        if not value >= 0:
+            raise InputError(f"{name} = {value} must be zero or positive.")
+
+
+def poisson(*ratios: float) -> None:
+    """Raise `InputError` unless every Poisson's ratio lies in (-1, 0.5]."""
+    for nu in ratios:
+        if not -1 < nu <= 0.5:
+            raise InputError(f"Poisson's ratio nu = {nu} must lie in (-1, 0.5].")
 
 
 def check_name(value: Any, what: str) -> None:

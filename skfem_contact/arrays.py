@@ -1,6 +1,7 @@
 """Checks of vectors and DOF numbers that users pass, each with one wording; quick work on arrays.
 
-Tangents, lengths, angles and products of vectors in the plane and in space stand at the end.
+Sums and entries of matrices stand in the middle; tangents, lengths, angles and products of vectors
+in the plane and in space at the end.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import bsr_matrix, csr_matrix
 
 from skfem_contact.arguments import check_unmasked, shown
 from skfem_contact.errors import InputError
@@ -99,6 +101,56 @@ def block_diagonal(blocks: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]
     return out
 
 
+def summed(place: Index, values: Array, count: int) -> Array:
+    """Sums of values (..., j) by their places (...), in their order, shape (count, j).
+
+    >>> summed(np.array([1, 1]), np.array([[1.0, 2.0], [3.0, 4.0]]), 2).tolist()
+    [[0.0, 0.0], [4.0, 6.0]]
+    """
+    j = values.shape[-1]
+    cell = place[..., None] * j + np.arange(j)
+    total = np.bincount(cell.ravel(), values.ravel(), count * j)
+    return np.asarray(total.reshape(count, j), dtype=np.float64)
+
+
+def entries(weights: csr_matrix) -> tuple[Index, Index, Array]:
+    """Rows, columns and values of the entries of a matrix, row by row; much faster than SciPy's own.
+
+    >>> [part.tolist() for part in entries(csr_matrix([[0.0, 2.0], [3.0, 4.0]]))]
+    [[0, 1, 1], [1, 0, 1], [2.0, 3.0, 4.0]]
+    """
+    W = weights if type(weights) is csr_matrix else csr_matrix(weights)  # SciPy's copy takes long
+    return np.repeat(np.arange(W.shape[0]), np.diff(W.indptr)), W.indices, W.data
+
+
+def assembled(place: tuple[Index, Index], values: Array, shape: tuple[int, int]) -> Any:
+    """The matrix of entries at rows and columns, summed where one is met again; zeros are kept.
+
+    What SciPy makes of them, in half its time for the few entries of a contact. Values (n,) make a
+    csr_matrix of that shape, blocks (d, d, n) a bsr_matrix of so many blocks.
+
+    >>> print(assembled((np.array([1, 0, 1]), np.array([2, 0, 2])), np.ones(3), (2, 3)).toarray())
+    [[1. 0. 0.]
+     [0. 0. 2.]]
+    """
+    row, column = place
+    cell = np.asarray(row, dtype=np.int64) * shape[1] + column
+    order = np.argsort(cell, kind="stable")
+    cell = cell.take(order)
+    new = np.ones(len(cell), dtype=bool)
+    np.not_equal(cell[1:], cell[:-1], out=new[1:])
+    first = np.flatnonzero(new)
+    row, column = np.divmod(cell.take(first), shape[1])
+    start = np.searchsorted(row, np.arange(shape[0] + 1))
+    values = np.take(values, order, axis=-1)
+    values = np.add.reduceat(values, first, axis=-1) if len(first) else values
+    if values.ndim == 3:
+        size = shape[0] * len(values), shape[1] * len(values)
+        return bsr_matrix((values.transpose(2, 0, 1), column, start), shape=size)
+    index = np.int32 if max(*shape, len(first)) <= np.iinfo(np.int32).max else np.int64
+    return csr_matrix((values, column.astype(index), start.astype(index)), shape=shape)
+
+
 def check_size(array: NDArray[Any], n: int, what: str, why: str) -> None:
     """A vector of n entries; `why` it needs so many ends the message."""
     if array.shape != (n,):
@@ -182,9 +234,6 @@ def size_of(values: NDArray[np.float64]) -> float:
     return float(np.abs(values).max(initial=0.0))
 
 
-# -- vectors in the plane and in space ----------------------------------------------------------------
-
-
 def tangents(normal: np.ndarray) -> np.ndarray:
     """Unit tangents (m, d-1, d) to normals (m, d).
 
@@ -206,20 +255,23 @@ def tangents(normal: np.ndarray) -> np.ndarray:
 def angle_between(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Angles between unit vectors (..., d), shape (...) [rad]; exact also where they are small."""
     along = np.einsum("...d,...d->...", one, other)
-    if one.shape[-1] == 3:
-        return np.asarray(np.arctan2(sizes(cross(one, other)), along))
-    across = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
-    return np.asarray(np.abs(np.arctan2(across, along)))
+    product = cross(one, other)
+    across = sizes(product) if one.shape[-1] == 3 else np.abs(product[..., 0])
+    return np.asarray(np.arctan2(across, along))
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Vector products in space of vectors (..., 3), laid out in memory as these are.
+    """Vector products: (..., 3) in space, laid out as these are; in the plane the one number, (..., 1).
 
     What `numpy.cross` returns, at a third of the time where one component follows the other.
 
     >>> cross(np.array([[2.0, 0.0, 0.0]]), np.array([[0.0, 3.0, 0.0]])).tolist()
     [[0.0, 0.0, 6.0]]
+    >>> cross(np.array([[2.0, 0.0]]), np.array([[0.0, 3.0]])).tolist()
+    [[6.0]]
     """
+    if a.shape[-1] == 2:
+        return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])[..., None]
     out = np.empty_like(a)
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         np.multiply(a[..., j], b[..., k], out=out[..., i])
@@ -260,3 +312,28 @@ def sizes(vectors: np.ndarray) -> np.ndarray:
 
 def unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / sizes(vectors)[..., None]
+
+
+def dot(v: Array, w: Array) -> Array:
+    """Scalar products along the last axis; of plane vectors in half the time of a sum."""
+    if v.shape[-1] == 2:
+        return np.asarray(v[..., 0] * w[..., 0] + v[..., 1] * w[..., 1])
+    return np.einsum("...d,...d->...", v, w)
+
+
+def turned(v: Array) -> Array:
+    """Vectors turned by +90 degrees: outward normals become the direction of travel."""
+    out = np.empty_like(v)
+    np.negative(v[..., 1], out=out[..., 0])
+    out[..., 1] = v[..., 0]
+    return out
+
+
+def ragged(start: Index, count: Index) -> Index:
+    """``start[0], start[0] + 1, ...`` (count[0] of them), ``start[1], ...``.
+
+    >>> ragged(np.array([5, 0]), np.array([2, 3]))
+    array([5, 6, 0, 1, 2])
+    """
+    before = np.cumsum(count) - count
+    return np.arange(count.sum()) + np.repeat(start - before, count)

@@ -28,3 +28,7 @@ ROUND_OFF = 1e-14
 #: Decimals to which numbers of order one are told apart (weights of a row, above all): those of
 #: `SOLVED`. What symmetry makes alike differs in its last digits, and no choice may hang on those.
 DECIMALS = -round(math.log10(SOLVED))
+
+#: Steps at most of Newton's method and of fits, each of which gains digits until all are there: warped
+#: faces take five, what lies beyond centres of curvature more, and some have no end.
+NEWTON_STEPS = 30

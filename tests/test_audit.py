@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -217,3 +218,10 @@ print("von_mises" in vars(sc), hasattr(sc, "plot"))
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.split("\n")[:3] == ["[]", "True True", "True False"]
+
+
+def test_the_table_names_functions_that_are_there() -> None:
+    """What the page counts are the functions that are counted now, and none that are gone."""
+    stored = json.loads((BENCHMARKS / "results" / "audit.json").read_text(encoding="utf-8"))
+    counted = {row["ingredient"]: set(row["with"]["calls"]) for row in stored["rows"]}
+    assert counted == {row.ingredient: set(row.functions) for row in scenes.ROWS}

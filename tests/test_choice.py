@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from functools import cache
 from types import SimpleNamespace
 
@@ -158,6 +159,49 @@ def test_few_steps_of_solids_are_taken_by_multigrid(quick_multigrid):
         result = one.solve(start=result)
         assert one.linear_model.route == route
     assert pressed().prepare().linear_model.route == "condensed"
+
+
+def test_bodies_of_one_route_are_not_taken_for_those_of_another(quick_multigrid):
+    """One body gets another stiffness, and so many steps follow that all are factorised."""
+    one, block = pressed(), blocks(0.3)[0]
+    assert one.solve().converged and one.linear_model.route == "multigrid"
+    *_, result = one.with_stiffness("block", 2 * block.K).history(4 * [1.0])
+    known = pressed(linear="condensed").with_stiffness("block", 2 * block.K).solve()
+    assert_allclose(result.pressure, known.pressure, rtol=0, atol=1e-8 * known.pressure.max())
+
+
+class Begun(list):
+    """Load steps that say when a history begins with them, as it knows by then how many there are."""
+
+    def __init__(self, steps):
+        super().__init__(steps)
+        self.begun = threading.Event()
+
+    def __iter__(self):
+        self.begun.set()
+        return super().__iter__()
+
+
+def test_steps_that_become_known_while_bodies_are_made(monkeypatch, quick_multigrid):
+    """The step that has begun ends on the route it was begun for; the history has one of its own."""
+    solver, steps, others = pressed(), Begun([1.0] * 5), []
+    many = threading.Thread(target=lambda: others.extend(solver.history(steps)))
+    condition = internals.original("problem.wanted_of")
+
+    def made(*given):
+        if not many.ident:
+            many.start()
+            assert steps.begun.wait(60)
+        return condition(*given)
+
+    internals.replace(monkeypatch, "problem.wanted_of", made)
+    result = solver.solve()
+    many.join(60)
+    known = pressed(linear="condensed").solve()
+    for found in (result, *others):
+        assert_allclose(found.pressure, known.pressure, rtol=0, atol=1e-8 * known.pressure.max())
+    assert len(others) == 5 and solver.linear_model.route == "condensed"
+    assert "multigrid" in str(result.report()) and "multigrid" not in str(others[-1].report())
 
 
 def test_steps_that_multigrid_is_not_prepared_for_have_factors(quick_multigrid):

@@ -824,6 +824,9 @@ def test_wrong_questions_are_refused():
         "needed there": lambda: sc.answers.Parameter("scene"),
         "it has no `along`": lambda: sc.answers.Parameter("gap", along=1.0, field=True),
         "give the direction": lambda: sc.answers.Parameter("motion"),
+        r"has shape \(2,\), not \(\)": lambda: result.sensitivity(
+            sc.answers.Parameter("stiffness", along=(1.0, 2.0))
+        ),
         "is many numbers": lambda: result.sensitivity(sc.answers.Parameter("gap", field=True)),
         "side = 2": lambda: result.sensitivity("gap", side=2),
         "after is by": lambda: result.sensitivity("gap", after=result.sensitivity("friction")),

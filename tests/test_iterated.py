@@ -5,8 +5,10 @@ from __future__ import annotations
 import tracemalloc
 from dataclasses import replace
 
+import internals
 import numpy as np
 import pytest
+import rectangles
 import skfem as fem
 from numpy.testing import assert_allclose
 from skfem.models.elasticity import lame_parameters, linear_elasticity
@@ -246,6 +248,67 @@ def test_gmres():
     found = gmres(lambda x: singular @ x, np.ones(10), lambda r: r, np.zeros(10), 1e-13, 50)
     assert found.residual >= 1.0
     assert gmres(lambda x: x, np.zeros(3), lambda r: r, np.zeros(3), 0.0, 10).iterations == 0
+
+
+def test_gmres_begins_at_zero_where_that_is_nearer():
+    """A start that leaves more than the whole load is none: its share that is enough would be all."""
+    rng = np.random.default_rng(1)
+    A, b = rng.standard_normal((40, 40)) + 8 * np.eye(40), rng.standard_normal(40)
+    far = 1e6 * rng.standard_normal(40)
+    found = gmres(lambda x: A @ x, b, lambda r: r / 8, far, 1e-13, 200, roughly=1e-2)
+    assert np.linalg.norm(b - A @ found.x) <= 1e-2 * np.linalg.norm(b)
+    found = gmres(lambda x: A @ x, 0.0 * b, lambda r: r / 8, far, 0.0, 200)
+    assert found.enough and not found.iterations and not found.x.any()
+
+
+ITERATIVE = [sc.linalg.AMG(), "iterated"]
+
+
+def on_block(place=0.0, n=9, **given):
+    """A block on another one, which supports hold; the lower one is larger."""
+    low = rectangles.block(f"low {place}", (place - 2, place + 2), (-1, 0), (2 * n - 2, 4), D="bottom")
+    up = rectangles.block(f"up {place}", (place - 1, place + 1), (0, 1), (n, 4), **given)
+    rough = {"friction": sc.Coulomb(0.3), "name": f"foot {place}"}
+    return [low, up], sc.Contact(up.surface("bottom"), low.surface("top"), **rough)
+
+
+@pytest.mark.parametrize("linear", ITERATIVE, ids=["AMG", "iterated"])
+def test_a_light_load_beside_a_heavy_one(linear):
+    """Bodies that do not touch have the digits that they have alone, whatever acts on the others."""
+    heavy, light = (
+        on_block(place, 17, f={"top": (1e-3 * part, -1e-2 * part)})
+        for place, part in ((0.0, 1.0), (9.0, 1e-8))
+    )
+    alone = sc.ContactSolver(light[0], light[1], linear="condensed").solve()
+    both = sc.ContactSolver([*heavy[0], *light[0]], [heavy[1], light[1]], linear=linear).solve()
+    size = np.abs(alone.forces).max()
+    assert_allclose(both["foot 9.0"].forces, alone.forces, rtol=0, atol=1e-9 * size)
+
+
+@pytest.mark.parametrize("linear", ITERATIVE, ids=["AMG", "iterated"])
+def test_a_load_that_is_taken_back(linear):
+    """A body that contact alone holds is let go: nothing acts, and nothing is divided by it."""
+    bodies, contact = on_block()
+    solver = sc.ContactSolver(bodies, contact, linear=linear)
+    loads = (0.0, -0.01), (1e-3, -0.01), (0.0, 0.0)
+    steps = [{"f": {"up 0.0": {"top": load}}} for load in loads]
+    with pytest.warns(sc.ContactWarning, match="indifferent"):
+        *_, pressed, last = solver.history(steps)
+    assert pressed.force[1] > 1e-3 and last.converged and not last.forces.any()
+
+
+@pytest.mark.parametrize("linear", ITERATIVE, ids=["AMG", "iterated"])
+def test_layers_are_those_of_bodies(monkeypatch, linear):
+    """What lies under the surfaces is the same on all pairings, and so is what springs do there."""
+    made = []
+    layer = internals.original("problem.Layer")
+    internals.replace(monkeypatch, "problem.Layer", lambda part: made.append(part) or layer(part))
+    bodies, given = on_block(f={"top": (0.0, -0.01)})
+    contact = replace(given, sliding="finite")
+    solver = sc.ContactSolver(bodies, contact, linear=linear)
+    for result in solver.history([{"f": {"up 0.0": {"top": (4e-4 * k, -0.01)}}} for k in range(3)]):
+        assert result.converged
+    assert len(made) == 2
 
 
 def test_memory_without_dense_matrices():

@@ -99,6 +99,34 @@ def test_solution(backend, dim, columns):
     assert factor.memory >= 0 and factor.name
 
 
+@pytest.mark.parametrize("backend", BACKENDS, ids=name)
+def test_dense_matrices(backend):
+    """An array is a matrix as good as a sparse one, with positions or without."""
+    K, points = body(cells=4)
+    b = np.random.default_rng(0).standard_normal(len(points))
+    exact = spsolve(K.tocsc(), b)
+    for given in ({}, {"points": points}):
+        x = backend.factorize(K.toarray(), modes=modes_of(points), **given).solve(b)
+        assert_allclose(x, exact, rtol=0, atol=1e-9 * abs(exact).max())
+
+
+@pytest.mark.parametrize("light", [1e-6, 1e-12, 0.0])
+@pytest.mark.parametrize("spd", [True, False], ids=["CG", "GMRES"])
+def test_amg_counts_a_light_load_beside_a_heavy_one(spd, light):
+    """Equations that nothing couples have the digits that they have alone, whatever acts on others."""
+    K, points = body(cells=8)
+    A = K if spd else unsymmetric(K)
+    n, b = len(points), np.random.default_rng(0).standard_normal(len(points))
+    shuffled = np.random.default_rng(1).permutation(2 * n)
+    both = sp.csr_matrix(sp.block_diag([A, A]))[shuffled][:, shuffled]
+    modes = np.kron(np.eye(2), modes_of(points))[shuffled]
+    load = np.concatenate([b, light * b[::-1]])
+    x = np.empty(2 * n)
+    x[shuffled] = AMG(tol=1e-10).factorize(both, modes=modes, spd=spd).solve(load[shuffled])
+    for part, of in ((x[:n], b), (x[n:], light * b[::-1])):
+        assert np.linalg.norm(A @ part - of) <= 1e-10 * np.linalg.norm(of)
+
+
 @pytest.mark.parametrize("backend", [Direct(), FromSolver(solver_direct_scipy())], ids=name)
 def test_unsymmetric(backend):
     """With spd=False the direct backends solve unsymmetric systems."""

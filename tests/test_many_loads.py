@@ -9,6 +9,7 @@ from quick_elasticity import linear_elasticity
 from rectangles import rectangle
 
 import skfem_contact as sc
+from skfem_contact.linalg import MultifrontalCholesky
 
 # The library keeps 12 directions of loads. These are more than it keeps, and none is in the span of
 # the others.
@@ -19,6 +20,12 @@ def block():
     """A square of 6 by 6 elements that stands on a rough floor."""
     basis = rectangle(*[np.linspace(0, 1, 7)] * 2, order=2)
     return sc.Body(basis, linear_elasticity(1.0, 1.0), D="top", name="block")
+
+
+def blocks_below():
+    """A wider one under it, of other elements."""
+    basis = rectangle(np.linspace(-1, 2, 10), np.linspace(-1, 0, 5), order=2)
+    return sc.Body(basis, linear_elasticity(1.0, 1.0), D="bottom", name="low")
 
 
 def solver_of(body, contact):
@@ -69,6 +76,30 @@ def test_more_directions_than_are_remembered(kind):
         u, v = result.displacement("block"), known.displacement("block")
         assert_allclose(u, v, rtol=0, atol=1e-10 * np.abs(v).max())
         assert result.force[1] > 1e-3 and result.certificate.worst < 1e-10
+
+
+def test_only_the_body_whose_load_changes_is_eliminated_again(monkeypatch):
+    """The other one has had as many loads; the last of them is remembered while it stays."""
+    upper, lower = block(), blocks_below()
+    contacts = sc.Contact(upper.surface("bottom"), lower.surface("top"), friction=sc.Coulomb(0.3))
+    solver, eliminated = solver_of([upper, lower], contacts), []
+    inner = MultifrontalCholesky.eliminate
+
+    def counted(factor, f):
+        eliminated.append(len(f))
+        return inner(factor, f)
+
+    monkeypatch.setattr(MultifrontalCholesky, "eliminate", counted)
+    loads = [{"f": {"block": forces(upper, k), "low": 0.1 * forces(lower, k)}} for k in range(LOADS)]
+    loads += [{"f": {"block": forces(upper, k)}} for k in range(LOADS, LOADS + 4)]
+    results, counts = [], []
+    for result in solver.history(loads):
+        results.append(result)
+        counts.append(len(eliminated))
+    assert np.diff(counts)[-4:].tolist() == [1, 1, 1, 1]
+    known = list(solver_of([upper, lower], contacts).history(loads[-1:], start=results[-2]))[-1]
+    for ours, theirs in ((results[-1].forces, known.forces), (results[-1].u, known.u)):
+        assert_allclose(ours, theirs, rtol=0, atol=1e-10 * np.abs(theirs).max())
 
 
 def test_a_history_of_more_directions_than_are_remembered():

@@ -15,7 +15,7 @@ from solid_meshes import KINDS, as_eight_nodes, at, body, cube, onto_octant, shu
 
 from skfem_contact import Body, Contact
 from skfem_contact.bodies import KINDS as FACETS
-from skfem_contact.bodies import angle_between, kink_angles
+from skfem_contact.bodies import angle_between, kink_angles, positive_functions
 from skfem_contact.conditions import pair
 from skfem_contact.errors import InputError
 from skfem_contact.pairing import (
@@ -24,7 +24,6 @@ from skfem_contact.pairing import (
     dual_mortar,
     least_gaps,
     node_rows,
-    positive_functions,
     segment,
     signed_areas,
     whole_shares,

@@ -26,8 +26,8 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import skfem_contact as sc
 from skfem_contact.linalg import Direct, lu, single_threaded
-from skfem_contact.once import Lock, once
 from skfem_contact.problem import Substructure, Workspace
+from skfem_contact.records import Lock, once
 
 THREADS = 8
 LOADS = 96
@@ -361,6 +361,34 @@ def test_directions_that_two_threads_add(places):
         acting[span._known.places] = span._known.values[:, : len(c)] @ c
         assert_allclose(acting, load, rtol=0, atol=1e-14)
     assert span.eliminated.shape[1] == 3
+
+
+class Overtaken:
+    """What loads are known along: another solve comes each time before it is read."""
+
+    def __init__(self):
+        self.others = []
+
+    def __get__(self, bodies, kind):
+        if bodies is not None and self.others:
+            self.others.pop(0)()
+        return None if bodies is None else vars(bodies).get("known")
+
+    def __set__(self, bodies, value):
+        vars(bodies)["known"] = value
+
+
+@pytest.mark.parametrize("after", range(4))
+def test_what_is_known_along_loads_is_that_of_one_solve(monkeypatch, after):
+    """While one thread has found that it fits its load, another one has put more directions there."""
+    known, solver, loads = Overtaken(), plane(), moves(plane(), 12)
+    expected = [plane().solve(**load) for load in (loads[0], loads[4])]
+    internals.replace(monkeypatch, "problem.Condensed._along", known)
+    solver.solve(**loads[0])
+    other = lambda: solver.solve(**loads[8])  # noqa: E731 (with a force that is unlike the others)
+    known.others = [*after * [lambda: None], other]
+    assert_same([solver.solve(**loads[0])], expected[:1])
+    assert_same([solver.solve(**loads[4])], expected[1:])
 
 
 def test_a_failure_is_every_thread_s(monkeypatch):

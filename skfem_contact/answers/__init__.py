@@ -14,14 +14,14 @@
 
 from typing import TYPE_CHECKING
 
-from skfem_contact.entrances import entrances
+from skfem_contact.records import entrances
 
 if TYPE_CHECKING:
     from skfem_contact.answers.certificate import Certificate as Certificate
     from skfem_contact.answers.result import ContactResult as ContactResult
     from skfem_contact.answers.tangent.changes import Parameter as Parameter
+    from skfem_contact.answers.tangent.derivatives import Sensitivity as Sensitivity
     from skfem_contact.answers.tangent.modes import Modes as Modes
-    from skfem_contact.answers.tangent.sensitivity import Sensitivity as Sensitivity
     from skfem_contact.answers.tangent.tangent import Tangent as Tangent
     from skfem_contact.answers.uniqueness import Uniqueness as Uniqueness
     from skfem_contact.answers.validity.validity import ContactValidity as ContactValidity
@@ -58,7 +58,7 @@ __getattr__, __dir__ = entrances(
         "result": "ContactResult",
         "tangent.changes": "Parameter",
         "tangent.modes": "Modes",
-        "tangent.sensitivity": "Sensitivity",
+        "tangent.derivatives": "Sensitivity",
         "tangent.tangent": "Tangent",
         "uniqueness": "critical_friction Form orientation turning_springs unique_up_to Uniqueness",
         "validity.chords": "bends curvatures sagittas",

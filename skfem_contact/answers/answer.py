@@ -24,17 +24,16 @@ from skfem_contact.bodies.selection import boundary_dofs
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.friction_rule import CheckedLaw, friction_bound
-from skfem_contact.conditions.interface import point_slices
+from skfem_contact.conditions.friction import CheckedLaw
+from skfem_contact.conditions.friction_rule import friction_bound
+from skfem_contact.conditions.interface import Identity, point_slices
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import OPEN, Identity, LocalState, State
+from skfem_contact.conditions.state import OPEN, LoadCase, LocalState, State
 from skfem_contact.errors import InputError
 from skfem_contact.loops.step import Record
-from skfem_contact.once import once
 from skfem_contact.problem.model import LinearModel
-from skfem_contact.problem.seam import Conditions
-from skfem_contact.records import dataclass
+from skfem_contact.problem.points import Conditions
+from skfem_contact.records import dataclass, once
 from skfem_contact.sealed import seal, sealed
 
 

@@ -17,6 +17,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.arguments import NamesAttributes, suggest
 from skfem_contact.arrays import Array
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.state import OPEN, SLIP
 from skfem_contact.errors import InputError
@@ -111,6 +112,7 @@ def _values(answer: Answer, i: int, part: slice) -> ContactValues:
         worn_volume=float(state.worn[part].sum()),
         assess=partial(_estimate, answer),
         slips=partial(_slip, answer, part),
+        placed=partial(_placed, answer, contact),
     )
 
 
@@ -118,6 +120,14 @@ def _estimate(answer: Answer, values: ContactValues) -> ErrorEstimate:
     from skfem_contact.answers.estimate import estimate  # most results are never asked for it
 
     return estimate(answer, values)
+
+
+def _placed(answer: Answer, contact: Contact) -> ContactSurface:
+    """The secondary surface whose areas count: the deformed one, where strains may be large."""
+    surface = contact.secondary
+    if contact.sliding == "small" or not getattr(surface.body, "finite_strain", False):
+        return surface
+    return surface.moved(answer.displacement(surface.body))
 
 
 def _smooth(answer: Answer, part: slice) -> NDArray[np.bool_]:

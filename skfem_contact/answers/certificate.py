@@ -18,13 +18,12 @@ from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.answers.answer import Answer, contact_forces
 from skfem_contact.arguments import NamesAttributes
-from skfem_contact.arrays import Array, Index
+from skfem_contact.arrays import Array, Index, cross
 from skfem_contact.bodies.member import unit_motions
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
-from skfem_contact.pairing.vectors import cross
 from skfem_contact.records import dataclass
 
 # What is no round-off however well the equations are solved, and the line above it.

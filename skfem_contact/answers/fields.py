@@ -22,13 +22,13 @@ Ends of the secondary surface that are closed are no edges.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
 from skfem_contact.arrays import Array, Index, Mask, tangents
+from skfem_contact.bodies.facet_kinds import positive_functions
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.projection import project
@@ -64,11 +64,6 @@ def interpolate(surface: ContactSurface, values: Array, points: Array) -> Array:
     return np.einsum("pk,pk...->p...", N, np.asarray(values)[surface.facets[facet]])
 
 
-def displaced(surface: ContactSurface, points: Array) -> ContactSurface:
-    """The surface with its nodes at other positions, for the functions above."""
-    return replace(surface, points=points)
-
-
 @dataclass(frozen=True, eq=False)
 class Contour:
     """The ends of contact, and its size.
@@ -88,7 +83,13 @@ class Contour:
     heights: Array
 
 
-def contour(surface: ContactSurface, closed: Mask, gap: Array, stretch: Array | None = None) -> Contour:
+def contour(
+    surface: ContactSurface,
+    closed: Mask,
+    gap: Array,
+    placed: ContactSurface | None = None,
+    cover: Array | float = 1.0,
+) -> Contour:
     """The edge of contact and the area within.
 
     Parameters
@@ -97,18 +98,18 @@ def contour(surface: ContactSurface, closed: Mask, gap: Array, stretch: Array | 
     closed : ndarray of bool, shape (m,)
     gap : ndarray, shape (m,)
         ``inf`` where a point has no partner [length].
-    stretch : ndarray, shape (m,), optional
-        Areas at the nodes over those of the surface.
+    placed : ContactSurface, optional
+        The surface that has the area, where it is not the same.
+    cover : ndarray, shape (nf,), optional
+        Share of each facet that may be in contact.
     """
     corners, d = surface.kind.simplices, surface.dim
     h = heights(surface, closed, gap)
     height = with_centres(surface, h)[:, corners].reshape(-1, d)
     x = with_centres(surface, surface.points)[:, corners].reshape(-1, d, d)
     part, segments = _cut(height, x)
-    areas = simplex_areas(surface, x)
-    if stretch is not None:
-        areas = areas * with_centres(surface, stretch)[:, corners].reshape(-1, d).mean(axis=1)
-    return Contour(segments, float(part @ areas), h)
+    areas = (part * simplex_areas(placed or surface)).reshape(len(surface.facets), -1)
+    return Contour(segments, float(np.sum(areas.sum(axis=1) * cover)), h)
 
 
 def heights(surface: ContactSurface, closed: Mask, gap: Array) -> Array:
@@ -162,15 +163,37 @@ def neighbours(surface: ContactSurface) -> csr_matrix:
     return beside
 
 
-def simplex_areas(surface: ContactSurface, x: Array) -> Array:
-    """Areas of the pieces or triangles x (t, d, d) of all facets, which add up to the facets', (t,)."""
+def simplex_areas(surface: ContactSurface) -> Array:
+    """Areas of the pieces or triangles of all facets, which add up to the facets', (t,)."""
+    corners, d, measure = surface.kind.simplices, surface.dim, surface.body.measure
+    x = with_centres(surface, surface.points)[:, corners].reshape(-1, d, d)
     side = x[:, 1:] - x[:, :1]
     across = side[:, 0] if surface.dim == 2 else 0.5 * np.cross(side[:, 0], side[:, 1])
     area = np.linalg.norm(across, axis=1)
+    whole = surface.facet_areas
+    if measure is not None:
+        at = with_centres(surface, surface.measured_at)[:, corners].reshape(-1, d, d)
+        area, whole = area * measure(at.mean(axis=1).T), surface.shares.sum(axis=1)
     area = area.reshape(len(surface.facets), -1)
-    area = (area * (surface.facet_areas / area.sum(axis=1))[:, None]).ravel()
-    measure = surface.body.measure
-    return area if measure is None else area * measure(x.mean(axis=1).T)
+    total = area.sum(axis=1)  # of a facet on the axis of symmetry nothing
+    scale = np.divide(whole, total, out=np.zeros_like(total), where=total > 0)
+    return np.asarray(area * scale[:, None]).ravel()
+
+
+def covers(surface: ContactSurface, area: Array, heir: Index, partner: Mask) -> Array:
+    """The share of each facet that multipliers with these areas (m,) are on, (nf,).
+
+    The primary covers facets at the end of a mortar interface in part. A multiplier that was handed
+    on to its `heir` is a part of that one's area; facets with nodes without a `partner` (m,) have none.
+    The shares add up to the areas of all multipliers.
+    """
+    shares = surface.shares @ positive_functions(surface.kind).T
+    shares = np.where(partner[surface.facets].all(axis=1)[:, None], shares, 0.0)
+    owner = heir[surface.facets]
+    total = np.bincount(owner.ravel(), shares.ravel(), len(area))
+    ratio = np.divide(area, total, out=np.zeros_like(total), where=total > 0)
+    covered, whole = np.sum(shares * ratio[owner], axis=1), surface.shares.sum(axis=1)
+    return np.divide(covered, whole, out=np.zeros_like(whole), where=whole > 0)
 
 
 def _around(beside: csr_matrix, here: Index) -> tuple[Index, Index]:

@@ -7,19 +7,17 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import block_diag, csr_matrix
 
 from skfem_contact.arrays import Array, largest
 from skfem_contact.bodies.member import State
 from skfem_contact.bodies.system import System, slices
-from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import LocalState
+from skfem_contact.conditions.state import LoadCase, LocalState
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
-from skfem_contact.sealed import sealed
+from skfem_contact.sealed import copied, sealed
 
 if TYPE_CHECKING:
     from skfem_contact.problem.model import LinearModel
@@ -60,7 +58,7 @@ class Placed:
     def of_start(cls, system: System, stiffness: Sequence[csr_matrix], start: Any) -> Placed:
         """Where a load step begins: undeformed, or at the end of a step before; not linearised yet."""
         states = tuple(body.initial_state for body in system.bodies)
-        u = trend = np.zeros(system.n)
+        u = trend = zero = np.zeros(system.n)
         if start is not None:
             u, states, trend = start.u, start.material, start.trend
             if not states:
@@ -68,7 +66,6 @@ class Placed:
                     "start has no internal variables of the bodies that are not linear here: it is a "
                     "state of linear ones. Begin without start, or with a state of this kind of bodies."
                 )
-        zero = np.zeros(system.n)
         return cls(u, tuple(stiffness), zero, zero, states, trend)
 
     def moved(self, system: System, u: Array, fluid: Mapping[int, Array]) -> Placed:
@@ -80,9 +77,9 @@ class Placed:
             A body has no answer.
         """
         stiffness, states = list(self.stiffness), list(self.material)
-        rims: csr_matrix | None = None
         internal, beyond = np.zeros((2, system.n))
         bodies: tuple[Any, ...] = system.bodies  # those with fluids are not linear
+        odd = [csr_matrix((body.n, body.n)) for body in bodies]
         for i, body in enumerate(bodies):
             part = system.slice(body)
             if body.nonlinear:
@@ -92,10 +89,10 @@ class Placed:
             if i in fluid:
                 beyond[part], slope = fluid_beyond(body, fluid[i], u[part])
                 stiffness[i] = csr_matrix(stiffness[i] - 0.5 * (slope + slope.T))
-                rims = _with_rim(rims, system, part, slope)
-        internal, beyond = sealed(internal - beyond), sealed(beyond)
-        now = tuple(stiffness), internal, beyond, tuple(states), self.trend, rims
-        return Placed(sealed(u), *now)
+                odd[i] = _of_rims(body, slope)
+        rims = csr_matrix(block_diag(odd)) if any(half.nnz for half in odd) else None
+        forces = sealed(internal - beyond), sealed(beyond)
+        return Placed(sealed(u), tuple(stiffness), *forces, tuple(states), self.trend, rims)
 
     def stiffened(self, undeformed: Sequence[csr_matrix], share: float) -> Placed:
         """With a share of the tangents of the undeformed bodies added to those of here."""
@@ -105,13 +102,6 @@ class Placed:
         stiffness = tuple(K if K is own else csr_matrix(K + share * own) for K, own in pairs)
         return replace(self, stiffness=stiffness)
 
-    def resisting(self, system: System, u: Array) -> Array:
-        """Return what the bodies as linearised here resist displacements u (n,) with, (n,) [force]."""
-        out = np.array(self.internal)
-        for part, K in zip(slices(system.offsets), self.stiffness, strict=True):
-            out[part] += K @ (u[part] - self.u[part])
-        return out
-
     def origin(self, model: LinearModel) -> Placed:
         """What the unknowns of the linear problem near here count from.
 
@@ -120,11 +110,10 @@ class Placed:
         their loads do: that is the same in all iterates.
         """
         system = model.system
-        u, forces = np.zeros(system.n), np.zeros(system.n)
+        u, forces = np.array(self.u), np.array(self.internal)
         for body in system.bodies:
-            if body.nonlinear or model.route != "condensed":
-                part = system.slice(body)
-                u[part], forces[part] = self.u[part], self.internal[part]
+            if not body.nonlinear and model.route == "condensed":
+                u[system.slice(body)] = forces[system.slice(body)] = 0.0
         return replace(self, u=u, internal=forces)
 
     def seen(self, case: LoadCase, kin: Kinematics, model: LinearModel) -> LoadCase:
@@ -136,13 +125,8 @@ class Placed:
                 forces[part] += (other - own) @ self.u[part]
         slipped = (kin.B_t @ self.u).reshape(case.slip0.shape)
         slipped[~model.interface.slipping] = 0.0  # their slips are no unknowns
-        return copied(
-            case,
-            f=case.f - forces,
-            x=case.x - self.u,
-            gap0=case.gap0 + kin.B_n @ self.u,
-            slip0=case.slip0 + slipped,
-        )
+        gap, slip = case.gap0 + kin.B_n @ self.u, case.slip0 + slipped
+        return copied(case, f=case.f - forces, x=case.x - self.u, gap0=gap, slip0=slip)
 
 
 def fluid_beyond(body: Any, pressures: Array, u: Array) -> tuple[Array, csr_matrix]:
@@ -151,18 +135,13 @@ def fluid_beyond(body: Any, pressures: Array, u: Array) -> tuple[Array, csr_matr
     return load - body.pressed(pressures)[0], slope
 
 
-def _with_rim(
-    rims: csr_matrix | None, system: System, part: slice, slope: csr_matrix
-) -> csr_matrix | None:
-    """With the half of the derivative of a body's load that is not symmetric, where it is any."""
-    odd, free = coo_matrix(0.5 * (slope - slope.T)), np.ones(system.n, dtype=bool)
-    free[system.D] = False
-    row, column = odd.row + part.start, odd.col + part.start
-    some = free[row] & (np.abs(odd.data) > COMPUTED * largest(np.abs(slope.data)))
-    if not some.any():
-        return rims
-    found = csr_matrix((odd.data[some], (row[some], column[some])), shape=(system.n, system.n))
-    return found if rims is None else csr_matrix(rims + found)
+def _of_rims(body: Any, slope: csr_matrix) -> csr_matrix:
+    """The half of the derivative of a body's load that is not symmetric, but what supports bear."""
+    odd = csr_matrix(0.5 * (slope - slope.T))
+    row = np.repeat(np.arange(body.n), np.diff(odd.indptr))
+    odd.data[np.isin(row, body.D) | (np.abs(odd.data) <= COMPUTED * largest(np.abs(slope.data)))] = 0.0
+    odd.eliminate_zeros()
+    return odd
 
 
 def point_forces(kin: Kinematics, state: LocalState) -> Array:

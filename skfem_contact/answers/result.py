@@ -33,12 +33,11 @@ from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
 from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.rigid_body import RigidBody
-from skfem_contact.once import once
-from skfem_contact.records import dataclass
+from skfem_contact.records import dataclass, once
 from skfem_contact.sealed import sealed
 
 if TYPE_CHECKING:
-    from skfem_contact.answers.tangent.sensitivity import Sensitivity
+    from skfem_contact.answers.tangent.derivatives import Sensitivity
     from skfem_contact.answers.tangent.tangent import Tangent
     from skfem_contact.answers.uniqueness import Uniqueness
 
@@ -378,7 +377,7 @@ class ContactResult(ByContact):
         InputError
             This answer has no derivatives, or none by this; the message says why.
         """
-        from skfem_contact.answers.tangent.sensitivity import sensitivity
+        from skfem_contact.answers.tangent.derivatives import sensitivity
 
         return sensitivity(self.linearized, by, after, side)
 

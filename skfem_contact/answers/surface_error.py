@@ -50,16 +50,14 @@ from skfem_contact.answers.fields import (
     Contour,
     NormalEquations,
     contour,
-    displaced,
     simplex_areas,
     with_centres,
 )
 from skfem_contact.answers.validity.deformed_boundaries import Boundary
 from skfem_contact.answers.values import ContactValues, Three, relative
 from skfem_contact.arrays import Array, Index, Mask, tangents
-from skfem_contact.bodies.facet_kinds import kind_of
-from skfem_contact.bodies.facets import tributary_areas, twin_edges
-from skfem_contact.bodies.normal_field import sizes_and_normals
+from skfem_contact.bodies.facet_kinds import kind_of, tributary_areas
+from skfem_contact.bodies.normal_field import sizes_and_normals, twin_edges
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import SOLVED
@@ -130,15 +128,14 @@ class SurfaceError:
     @cached_property
     def edge(self) -> Edge | None:
         """The edge of contact on the facets around it; None where there is none."""
-        placed = displaced(self.surface, self.values.points)
-        found = contour(placed, self.closed, self.values.gap)
+        found = contour(self.surface, self.closed, self.values.gap)
         if not (self.at_rim.any() and len(found.segments)):
             return None
         # how steep the root is at the nodes of the edge, by the values of those behind them
         behind = np.flatnonzero(self.closed & ~self.rim)
         if not len(behind):
             behind = np.flatnonzero(self.rim)
-        return Edge(placed, found, self.rim, np.flatnonzero(self.at_rim), behind)
+        return Edge(self.surface, found, self.rim, np.flatnonzero(self.at_rim), behind)
 
 
 class Edge:
@@ -167,8 +164,7 @@ class Edge:
         # points of the plane as pieces, and segments of space as triangles, without size
         edge = Boundary(pieces[:, [0, *range(d - 1)]], pieces[:, 0])
         x = with_centres(surface, surface.points)[:, self.corners]
-        area = simplex_areas(surface, x.reshape(-1, d, d))
-        self.area = area.reshape(len(surface.facets), -1)[facets]
+        self.area = simplex_areas(surface).reshape(len(surface.facets), -1)[facets]
         kind = kind_of(d, d)
         xi, self.weight = kind.quadrature(ROOT[d])
         self.N = kind.shapes(xi)[0]

@@ -61,7 +61,7 @@ from skfem_contact.conditions.state import OPEN, SLIP
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, lu
 from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.thresholds import LOOSE
+from skfem_contact.problem.zone import LOOSE
 from skfem_contact.records import dataclass
 
 #: Directions of friction in half a turn that are tried in 3-D: the least coefficient to four digits.

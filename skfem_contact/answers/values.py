@@ -14,17 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skfem_contact.answers.fields import Contour, contour, displaced, interpolate
+from skfem_contact.answers.fields import Contour, contour, covers, interpolate
 from skfem_contact.arguments import NamesAttributes, numbers
-from skfem_contact.arrays import Array
+from skfem_contact.arrays import Array, cross
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.friction_rule import steep_words
+from skfem_contact.conditions.friction import steep_words
 from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.vectors import cross
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal, sealed
 
@@ -69,7 +68,9 @@ class ContactValues(NamesAttributes):
         Friction on the secondary along the tangents [force].
     area : ndarray, shape (m,)
         Tributary area; zero at points without one of their own, see `pressure`. With
-        ``sliding="finite"`` that of the deformed surface, if the body is one of finite strain.
+        ``sliding="finite"`` that of the deformed surface, if the body is one of finite strain or the
+        method ``"mortar"``; else that of the undeformed one. A thickness (`measure`) goes with the
+        body, rings are as long as they are now [area].
     surface : ContactSurface
         The secondary surface, undeformed.
     heir : ndarray of int, shape (m,)
@@ -143,6 +144,7 @@ class ContactValues(NamesAttributes):
     worn_volume: float
     assess: Callable[[ContactValues], ErrorEstimate]
     slips: Callable[[], Array]
+    placed: Callable[[], ContactSurface]
 
     def __post_init__(self) -> None:
         seal(self)
@@ -189,6 +191,8 @@ class ContactValues(NamesAttributes):
     def pressure(self) -> Array:
         """Normal force over tributary area, positive in compression, shape (m,) [stress].
 
+        By the deformed or the undeformed area, as `area` is: of bodies of large strain with
+        ``sliding="small"`` it is force by initial area.
         Negative in tension, which contact without separation bears. With ``method="mortar"`` these
         are the coefficients of the multiplier; node by node, the pressure that has these nodal
         forces to second order in the size of the facets, averaged with the shape function of the
@@ -199,7 +203,7 @@ class ContactValues(NamesAttributes):
 
     @property
     def friction_stress(self) -> Array:
-        """Friction over tributary area along the tangents, shape (m, d-1) [stress]."""
+        """Friction over `area` along the tangents, shape (m, d-1) [stress]."""
         return self._over_area(self.tangential_force)
 
     def _over_area(self, force: Array) -> Array:
@@ -214,7 +218,7 @@ class ContactValues(NamesAttributes):
 
     @property
     def traction(self) -> Array:
-        """Stress vector on the secondary, in global axes, shape (m, d) [stress]."""
+        """Stress vector on the secondary by `area`, in global axes, shape (m, d) [stress]."""
         return self._over_area(self.forces)
 
     @property
@@ -262,17 +266,20 @@ class ContactValues(NamesAttributes):
 
     @cached_property
     def contact_area(self) -> float:
-        """Area in contact, up to `contact_edges`; deformed where bodies of finite strain slide far."""
+        """Area in contact, up to `contact_edges` [area]: of the same surface as `area`.
+
+        With ``method="mortar"`` without the parts of facets that the primary does not cover.
+        """
         return self._contour.area
 
     @property
     def _contour(self) -> Contour:
         """The edge of contact, and the area within."""
-        surface, stretch = self.surface, None
-        if self.contact.sliding == "finite" and getattr(surface.body, "finite_strain", False):
-            own = (surface.area > 0) & (self.area > 0)
-            stretch = np.divide(self.area, surface.area, out=np.ones(len(own)), where=own)
-        return contour(self._placed, self.status != OPEN, self.gap, stretch)
+        placed = self.placed()
+        cover: Array | float = 1.0
+        if self.contact.method == "mortar" and not self.contact.rigid:
+            cover = covers(placed, self.area, self.heir, np.isfinite(self.gap))
+        return contour(self.surface, self.status != OPEN, self.gap, placed, cover)
 
     @cached_property
     def error_estimate(self) -> ErrorEstimate:
@@ -298,10 +305,10 @@ class ContactValues(NamesAttributes):
             raise InputError(
                 f"points have shape {at.shape}, or are not finite; give positions (p, {d})"
             )
-        return interpolate(self._placed, self._at_points(values), at)
+        return interpolate(self.surface, self._at_points(values), at)
 
     def integrate(self, values: ArrayLike) -> Any:
-        """Integral of a field over the points; of `traction` it is `force`, to round-off.
+        """Integral of a field over the points by `area`; of `traction` it is `force`, to round-off.
 
         Parameters
         ----------
@@ -323,10 +330,6 @@ class ContactValues(NamesAttributes):
                 f"{len(self.area)} points: give a value for each"
             )
         return field
-
-    @property
-    def _placed(self) -> ContactSurface:
-        return displaced(self.surface, self.points)
 
 
 def status_words(values: ContactValues) -> str:

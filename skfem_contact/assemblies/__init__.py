@@ -3,15 +3,13 @@
 * `reading`: bodies from files of tagged meshes;
 * `facing`: the boundaries of all bodies, and where they face each other; `finding`: pairs of patches
   from that, and contacts from these;
-* `named`: sequences that know their members by name;
 * `bolt`: pretension sections of bolts, by force or stretch, then locked;
-* `joints`: tables of joints and of load cases;
-* `thresholds`: numbers, and where they come from.
+* `joints`: tables of joints and of load cases.
 """
 
 from typing import TYPE_CHECKING
 
-from skfem_contact.entrances import entrances
+from skfem_contact.records import entrances
 
 if TYPE_CHECKING:
     from skfem_contact.assemblies.bolt import BoltValues as BoltValues

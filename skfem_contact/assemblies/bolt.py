@@ -44,12 +44,11 @@ from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.selection import pieces, written
 from skfem_contact.bodies.system import System
-from skfem_contact.carried import copied
-from skfem_contact.conditions.loads import BoltLoads, LoadCase
+from skfem_contact.conditions.state import BoltLoads, LoadCase
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
-from skfem_contact.sealed import sealed
+from skfem_contact.sealed import copied, sealed
 
 #: Shift and force of each bolt, by name.
 ByBolt = dict[str, tuple[float, float]]

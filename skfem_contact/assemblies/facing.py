@@ -19,15 +19,28 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask, across, sizes, unit
-from skfem_contact.assemblies.thresholds import NEARLY, OPPOSITE, TOWARDS_RIM, UNSURE
+from skfem_contact.arrays import Array, Index, Mask, across, dot, ragged, sizes, unit
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import node_positions
 from skfem_contact.bodies.selection import pieces as pieces_of
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.pairing.search import FacetTree, Nodes
-from skfem_contact.pairing.vectors import dot, ragged
+
+# Least cosine between a normal and the opposite of the other: half a right angle, beyond which two
+# surfaces stand beside each other rather than opposite.
+OPPOSITE = float(np.cos(np.pi / 4))
+
+# Where a facet is asked beside its middle: this part of the way to its corners and the middles of its
+# edges. There themselves lines of sight run along edges, and would find what lies beside.
+TOWARDS_RIM = 0.85
+
+# Which part of the chord heights of two facets a gap may be wrong by: a ball comes nearer between the
+# places that are asked by .2 of a facet off, .16 of the height; at rims half of a height is missing.
+UNSURE = 0.25
+
+# What is farther apart than `within`, but not than this times it, is told as near and not taken.
+NEARLY = 2.0
 
 
 class Sights(NamedTuple):

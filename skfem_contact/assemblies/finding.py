@@ -18,9 +18,8 @@ import numpy as np
 
 from skfem_contact.arguments import check_kind, number
 from skfem_contact.arrays import Array, Index, Mask
-from skfem_contact.assemblies.facing import Boundaries, Views, look
+from skfem_contact.assemblies.facing import NEARLY, Boundaries, Views, look
 from skfem_contact.assemblies.joints import Table
-from skfem_contact.assemblies.thresholds import ASKED, NEARLY, SLIVER
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, surface_on
@@ -31,9 +30,16 @@ from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.pairing.closest import signed_distances
-from skfem_contact.pairing.thresholds import FINER, STIFFER
+from skfem_contact.pairing.diagnosis import FINER, STIFFER
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
+
+# A pair that covers less of both patches, and on one of them the rim alone, is a sliver.
+SLIVER = 0.05
+
+# Nodes of one body that are asked whether they lie in another: overlaps of bodies that are misplaced
+# hold more than a few per cent of the nodes in the box of both.
+ASKED = 200
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,11 +8,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from skfem_contact.arguments import NamesAttributes
+from skfem_contact.arguments import Named, NamesAttributes
 from skfem_contact.arrays import Array
-from skfem_contact.assemblies.named import Named
 from skfem_contact.bodies.selection import written
-from skfem_contact.conditions.friction_rule import CheckedLaw
+from skfem_contact.conditions.friction import CheckedLaw
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError

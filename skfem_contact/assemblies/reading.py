@@ -21,11 +21,11 @@ import skfem
 from skfem.assembly import BilinearForm
 from skfem.io.meshio import from_meshio
 
-from skfem_contact.arguments import check_kind, file_path, known_keywords, shown, suggest
+from skfem_contact.arguments import Named, check_kind, file_path, known_keywords, shown, suggest
 from skfem_contact.arrays import Array, Index
-from skfem_contact.assemblies.named import Named
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.inputs import SUPPORTED, deferred_basis
+from skfem_contact.bodies.normal_field import CIRCLE
 from skfem_contact.bodies.selection import pieces
 from skfem_contact.errors import InputError
 
@@ -36,9 +36,6 @@ DIMS = {"line": 1, "triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3, "wedge
 TAGS = ("gmsh:physical", "cell_tags", "medit:ref", "nastran:ref", "su2:tag", "flac3d:group")
 #: What is meshed, or read, by Gmsh.
 CAD, BY_GMSH = (".step", ".stp", ".iges", ".igs", ".brep"), (".unv",)
-#: Nodes of a full turn of round faces that Gmsh meshes. Fewer facets than that are a polygon
-#: (`bodies.thresholds.STEEPEST`), and eight meet at corners.
-TURN = 16
 #: What STEP has for a name where none was given.
 NAMELESS = "Open CASCADE"
 
@@ -402,6 +399,6 @@ def _mesh(gmsh: Any, file: Path, size: float | None, order: int) -> None:
         gmsh.model.addPhysicalGroup(dim, [tag], name=names[-1])
     if size is not None:
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", TURN / order)
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", CIRCLE / order)
     gmsh.option.setNumber("Mesh.ElementOrder", order)
     gmsh.model.mesh.generate(dim)

@@ -7,16 +7,14 @@
   numbering; `nonlinear`: bodies that yield or stretch, `equations`: their equations; a
   stiffness that is held elsewhere, by a backend;
 * `surface`: a boundary as contact sees it, of a body or of none;
-* `facet_kinds`: the shape functions of facets; `facets`: their areas, their corners, and what lies
-  across edges;
-* `normal_field`: averaged normals, and where a surface turns;
-* `quadrics`: the smooth boundaries that nodes lie on;
-* `thresholds`: numbers, and where they come from.
+* `facet_kinds`: the shape functions of facets, their areas and normals;
+* `normal_field`: what lies across edges, averaged normals, and where a surface turns;
+* `quadrics`: the smooth boundaries that nodes lie on.
 """
 
 from typing import TYPE_CHECKING
 
-from skfem_contact.entrances import entrances
+from skfem_contact.records import entrances
 
 if TYPE_CHECKING:
     from skfem_contact.bodies.surface import ContactSurface as ContactSurface
@@ -30,10 +28,9 @@ __getattr__, __dir__ = entrances(
     __all__,
     {
         "assembly": "assembled",
-        "facet_kinds": "FacetKind KINDS kind_of",
-        "facets": "twin_edges",
+        "facet_kinds": "FacetKind KINDS kind_of positive_functions",
         "inputs": "SUPPORTED",
-        "normal_field": "angle_between kink_angles",
+        "normal_field": "angle_between kink_angles twin_edges",
         "quadrics": "tangents",
         "selection": "pieces",
         "surface": "bare_surface ContactSurface",

@@ -41,11 +41,10 @@ from skfem_contact.bodies.member import Linearized, Meshed, State, motion_names,
 from skfem_contact.bodies.quadrature import volume
 from skfem_contact.bodies.selection import displacements, pieces, tractions
 from skfem_contact.bodies.surface import ContactSurface, extract_surface
-from skfem_contact.carried import can_be_carried, carried
 from skfem_contact.errors import InputError
 from skfem_contact.materials.elastic import Elastic
 from skfem_contact.records import dataclass
-from skfem_contact.sealed import seal
+from skfem_contact.sealed import can_be_carried, carried, seal
 
 
 @with_known_keywords(
@@ -83,7 +82,8 @@ class Body(Meshed):
         is free there; `D` has to have the others.
     measure : callable, optional
         Weight of the area where `K` carries one, a function of the component-first position:
-        ``lambda x: 2 * np.pi * x[0]`` for axisymmetric bodies, a thickness for plane ones.
+        ``lambda x: 2 * np.pi * x[0]`` for axisymmetric bodies, a thickness for plane ones. A
+        thickness goes with the body: it is asked for at undeformed positions.
     mass : float, BilinearForm or sparse matrix, optional
         For `ContactSolver.modes`: the mass by volume, in the plane by area where `measure` is no
         thickness, or a form or matrix (n, n); by default the density of a material. `mass` of the body

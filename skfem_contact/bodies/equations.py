@@ -36,7 +36,7 @@ from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm, LinearForm
 from skfem.assembly.form.form import FormExtraParams
 
-from skfem_contact.arguments import shown
+from skfem_contact.arguments import check_kind, shown
 from skfem_contact.arrays import Array, runs
 from skfem_contact.bodies.assembly import NeedsMore, check_numbering, pattern
 from skfem_contact.bodies.inputs import stiffness_of
@@ -65,6 +65,8 @@ class Gradients:
         Gradients of the shape functions [1/length].
     dx : ndarray, shape (e, q)
         Weights of the points of integration, with the measure.
+    slots : list
+        For each component its directions j of G, and the entry of a tensor for each of them.
     """
 
     def __init__(self, basis: Any, measure: Any, axisymmetric: bool, whose: str) -> None:
@@ -74,39 +76,34 @@ class Gradients:
             raise InputError(f"the basis of {whose}: {error}; take skfem.Basis") from error
         self.basis, self.axisymmetric = basis, axisymmetric
         self.d = int(basis.mesh.dim())
+        self.slots = [[(j, i, j) for j in range(self.d)] for i in range(self.d)]
         G = shape_gradients(basis, None).transpose(2, 1, 3, 0)
         self.dx = point_volumes(basis, None)
-        if measure is not None or axisymmetric:
-            x = np.asarray(basis.mapping.F(basis.X, None))
+        x = np.asarray(basis.mapping.F(basis.X, None))
         if measure is not None:
             self.dx = self.dx * measure(x)
         if axisymmetric:
             element = scalar_element(basis.elem)
             N = np.stack([element.lbasis(basis.X, a)[0] for a in range(len(G))])  # (k, q)
             G = np.concatenate([G, (N[:, :, None] / x[0].T)[:, None]], axis=1)
+            self.slots[0].append((2, 2, 2))
         self.G = np.ascontiguousarray(G)
 
     def of(self, u: Array) -> Array:
         """Displacement gradient (d, d, e, q) of displacements (n,); of three rows if axisymmetric."""
         values = u[self.basis.element_dofs].reshape(len(self.G), self.d, -1)
-        H = np.einsum("aie,ajqe->ijqe", values, self.G).swapaxes(2, 3)
-        if not self.axisymmetric:
-            return np.ascontiguousarray(H)
-        out = solid(np.ascontiguousarray(H[:, :2]))
-        out[2, 2] = H[0, 2]
-        return out
-
-    def _slots(self, i: int) -> list[tuple[int, int, int]]:
-        """Directions j of G that the component i has, and the entry of a tensor for each."""
-        plain = [(j, i, j) for j in range(self.d)]
-        return [*plain, (2, 2, 2)] if self.axisymmetric and i == 0 else plain
+        H = np.ascontiguousarray(np.einsum("aie,ajqe->ijqe", values, self.G).swapaxes(2, 3))
+        if self.axisymmetric:
+            H, hoop = solid(H[:, :2]), H[0, 2]
+            H[2, 2] = hoop
+        return H
 
     def forces(self, P: Array, some: slice = slice(None)) -> Array:
         """``∫ G_aj P_ij`` of a stress (d, d, e, q) on some elements, shape (k d, e)."""
         G, dx = self.G[..., some], self.dx[some]
         out = np.zeros((len(G), self.d, len(dx)))
         for i in range(self.d):
-            for j, row, column in self._slots(i):
+            for j, row, column in self.slots[i]:
                 weighted = np.ascontiguousarray((P[row, column] * dx).T)
                 out[:, i] += np.einsum("aqe,qe->ae", G[:, j], weighted)
         return out.reshape(-1, len(dx))
@@ -118,9 +115,9 @@ class Gradients:
         K = np.empty((n, d, n, d, len(dx)))
         for i, k in combinations_with_replacement(range(d), 2):
             block = np.zeros((n, n, len(dx)))
-            for j, r, s in self._slots(i):
+            for j, r, s in self.slots[i]:
                 along = np.zeros((n, *G.shape[2:]))  # A_ijkl G_bl
-                for l, t, v in self._slots(k):
+                for l, t, v in self.slots[k]:
                     along += np.ascontiguousarray((A[r, s, t, v] * dx).T) * G[:, l]
                 block += np.einsum("aqe,bqe->abe", G[:, j], along)
             other = block.swapaxes(0, 1)
@@ -255,6 +252,8 @@ class Continuum:
 class Forms:
     """The equations of a body from its residual and tangent, see `NonlinearBody`."""
 
+    material, mean_dilatation = None, False
+
     def __init__(
         self,
         basis: Any,
@@ -265,14 +264,12 @@ class Forms:
         finite_strain: bool,
         whose: str,
     ) -> None:
-        given = ("residual", residual, LinearForm), ("tangent", tangent, BilinearForm)
-        for name, form, kind in given:
-            if not isinstance(form, kind):
-                raise InputError(
-                    f"{name} of {whose} is {shown(form)}, not a skfem.{kind.__name__}: give both "
-                    "residual and tangent; or energy=, or as residual a plain function of u, v and w, "
-                    "which JAX differentiates"
-                )
+        usage = (
+            "give both residual and tangent; or energy=, or as residual a plain function of u, v and "
+            "w, which JAX differentiates"
+        )
+        check_kind(residual, LinearForm, f"residual of {whose}", usage, "skfem.LinearForm")
+        check_kind(tangent, BilinearForm, f"tangent of {whose}", usage, "skfem.BilinearForm")
         if (state is None) != (initial is None):
             raise InputError(
                 f"internal variables of {whose} need both: initial, a dict of their first values at a "

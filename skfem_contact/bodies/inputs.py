@@ -17,10 +17,14 @@ from skfem_contact.arrays import check_finite, check_size, check_type, dof_numbe
 from skfem_contact.bodies.assembly import Assembled, assembled
 from skfem_contact.bodies.member import RemoteStiffness
 from skfem_contact.bodies.quadrature import DeferredBasis, integrates, parts, scalar_element
-from skfem_contact.bodies.thresholds import PENALTY
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError, warn
 from skfem_contact.sealed import sealed_matrix
+
+# A number on the diagonal of K that is larger than all others by this factor prescribes a displacement.
+# skfem.penalize writes 1e10. Springs that are meant as springs are far below: beside one as stiff as
+# this half of the digits of the body are lost.
+PENALTY = 1e8
 
 #: What loads, prescribed DOFs and their values may be, see `Body`.
 Loads: TypeAlias = ArrayLike | LinearForm | Mapping[str, ArrayLike]

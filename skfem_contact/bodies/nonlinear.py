@@ -13,10 +13,10 @@ from skfem import ElementTetP1, ElementTriP1
 from skfem.assembly import BilinearForm, CellBasis, LinearForm
 
 from skfem_contact.arguments import check_switch, numbers, shown, with_known_keywords
-from skfem_contact.arrays import Array, check_finite, check_size, rectangular
+from skfem_contact.arrays import Array, check_finite
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.equations import Continuum, Differentiated, Forms, Gradients
-from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points
+from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points, load_of
 from skfem_contact.bodies.member import Linearized, State
 from skfem_contact.bodies.quadrature import LINEAR, scalar_element
 from skfem_contact.bodies.selection import boundary_dofs, check_not_lost
@@ -115,7 +115,7 @@ class NonlinearBody(Body):
     material: Material | None = None
     mean_dilatation: bool = False
     pressures: Array | None = None
-    equations: Any = field(init=False, repr=False)
+    equations: Any = field(init=False)
 
     def __init__(
         self,
@@ -156,13 +156,12 @@ class NonlinearBody(Body):
             equations = Differentiated(basis, energy, residual, finite_strain, whose)
         else:
             equations = Forms(basis, residual, tangent, state, initial, finite_strain, whose)
-        for key, default in {"material": None, "mean_dilatation": False}.items():
-            object.__setattr__(self, key, getattr(equations, key, default))
-        object.__setattr__(self, "equations", equations)
+        own = "material", "mean_dilatation", "finite_strain"
+        vars(self).update({name: getattr(equations, name) for name in own}, equations=equations)
         K = equations.linearize(np.zeros(self.n), equations.initial_state).K
         mass = (getattr(material, "density", 0.0) or None) if mass is None else mass
         super().__init__(basis, K, f, D=D, x=x, measure=measure, mass=mass, name=name)
-        object.__setattr__(self, "pressures", self.fluid(f) if isinstance(f, Mapping) else pressures)
+        vars(self)["pressures"] = self.fluid(f) if isinstance(f, Mapping) else pressures
 
     def _continuum(self, material: Any, mean_dilatation: bool | None, whose: str) -> Continuum:
         """Equations from a material."""
@@ -186,11 +185,6 @@ class NonlinearBody(Body):
             )
         gradients = Gradients(self.basis, self.measure, self.axisymmetric, whose)
         return Continuum(material, gradients, mean_dilatation, whose)
-
-    @property
-    def finite_strain(self) -> bool:  # type: ignore[override]
-        """Return whether the body may turn and strain by any amount (total Lagrangian)."""
-        return bool(self.equations.finite_strain)
 
     @property
     def initial_state(self) -> State:
@@ -319,12 +313,7 @@ class NonlinearBody(Body):
         return np.asarray(f, dtype=float), K
 
     def _displacements(self, u: Any) -> Array:
-        if u is None:
-            return np.zeros(self.n)
-        values = np.asarray(rectangular(u, "u", f"not a vector of {self.n} numbers"), dtype=float)
-        check_size(values, self.n, "u", f"its body has {self.n} DOFs; take result.displacement(body)")
-        check_finite(values, "u", "DOF")
-        return values
+        return load_of(u, self.basis, "u, which has to be as result.displacement(body),")
 
     def _state(self, state: State | None) -> State:
         """Internal variables by name, in the order of the initial ones."""

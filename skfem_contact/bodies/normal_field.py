@@ -5,7 +5,8 @@ At the nodes of lines the weights are one over the length: exact on a circle, an
 smooth curve. At a vertex of faces they are ``sin(alpha) / (|a| |b|)`` of the two edges a, b that a face
 has there: exact if the nodes lie on a sphere, whatever the faces round the vertex (N. Max, J. Graphics
 Tools 4 (1999) 1-6). Facets take part that can be reached round the node over edges which bend by no
-more than a corner does (`CORNER`). An edge of a line is its end, see `facets.twin_edges`.
+more than a corner does (`CORNER`). What lies across an edge, or the end of a line, is found
+by `twin_edges`.
 
 **Turns** of a surface: sharp edges, kinks beside a flat, the ends of a curve, the slopes of an arc.
 
@@ -21,11 +22,37 @@ from typing import Any
 import numpy as np
 
 from skfem_contact.arrays import Array, Index, Mask, angle_between, cross, sizes, unit
-from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
-from skfem_contact.bodies.facets import facet_sizes, own_normals, seen_from_outside
-from skfem_contact.bodies.selection import pieces
-from skfem_contact.bodies.thresholds import ALIKE, BENT, CORNER, FADES, STEEPEST, STRAIGHT
+from skfem_contact.bodies.facet_kinds import FacetKind, facet_sizes, kind_of, own_normals
+from skfem_contact.bodies.selection import pieces, seen_from_outside
 from skfem_contact.digits import GIVEN, SOLVED
+
+# Two facets that meet at 45 degrees or more form a corner: no normal is averaged over it. Chamfers of
+# 45 degrees are common, and it is not left to round-off, of files in single precision neither.
+CORNER = np.cos(np.pi / 4) * (1 + GIVEN)
+
+# Facets to the circle that stand for it, at least: with fewer the polygon is meant, as it is of a
+# chamfer of 30 degrees.
+CIRCLE = 16
+
+# A facet stands for a piece of a curve if the smooth boundary leaves it by no more than 11.25 degrees.
+# Of 16 facets it is not left to round-off.
+STEEPEST = np.tan(np.pi / CIRCLE) * (1 + SOLVED)
+
+# ... and by about as much at both ends: where a straight side passes into an arc, one end turns by
+# half of the other, and beside a kink in a straight side one end does not turn at all.
+ALIKE = 2 / 3
+
+# A facet is straight beside a kink if the surface turns at its other end by less than this part. On
+# curves of shaken meshes turns differ, but not by as much.
+STRAIGHT = 0.02
+
+# Turns by less [rad] are none: a weighted gap is then wrong by a ten thousandth of a facet.
+BENT = 1e-3
+
+# A surface ends on a plane of symmetry if its normal has none across it there: continued in proportion
+# to the distance, this part of its change over the last facet at most. On an arc of 45 degrees a facet
+# it is .08; a surface that ends askew by a tenth of the turn of a facet is taken for a mirrored one.
+FADES = 0.1
 
 
 def sizes_and_normals(
@@ -41,7 +68,7 @@ def sizes_and_normals(
     held : ndarray of bool, shape (m, d)
         Prescribed components.
     twins : ndarray of int, shape (nf, c)
-        From `facets.twin_edges`.
+        From `twin_edges`.
     """
     area, c = facet_sizes(points, facets, kind), kind.corners
     own, middle = own_normals(points, facets, kind)
@@ -196,9 +223,6 @@ def _unit_or(vectors: Array, other: Array, size: Array) -> Array:
     return np.where(there, vectors / np.where(there, length, 1.0), other)
 
 
-# -- where a surface turns -------------------------------------------------------------------------
-
-
 def sharp_edges(normals: Array, twins: Index) -> Mask:
     """Edges (nf, c) where facets meet at 45 degrees or more, at one end at least.
 
@@ -207,7 +231,7 @@ def sharp_edges(normals: Array, twins: Index) -> Mask:
     normals : ndarray, shape (nf, c, d)
         Their own unit normals at the corners.
     twins : ndarray of int, shape (nf, c)
-        From `facets.twin_edges`.
+        From `twin_edges`.
     """
     turns = [np.einsum("fcd,fcd->fc", *pair) for pair in _both_sides(normals, twins)]
     return np.asarray((np.min(turns, axis=0) < CORNER) & (twins >= 0))
@@ -227,7 +251,7 @@ def kink_angles(points: Array, facets: Index, kind: FacetKind, twins: Index) -> 
     facets : ndarray of int, shape (nf, k)
     kind : FacetKind
     twins : ndarray of int, shape (nf, c)
-        From `facets.twin_edges`.
+        From `twin_edges`.
 
     Examples
     --------
@@ -390,3 +414,75 @@ def of_curves(start: Array, end: Array) -> Mask:
     """Return which facets stand for pieces of curves, which leave them by these slopes at both ends."""
     least, most = np.minimum(np.abs(start), np.abs(end)), np.maximum(np.abs(start), np.abs(end))
     return np.asarray((start * end > 0) & (most <= STEEPEST) & (least >= ALIKE * most))
+
+
+def twin_edges(corners: Index) -> Index:
+    """The same edge in the facet across it, shape (nf, c); -1 where the surface ends.
+
+    Edge i of facet f has the number ``c f + i``: that of a face goes from corner i to the next, those
+    of a line are its start and its end. Where more than two facets share an edge (two corners touch
+    along it), the k-th that has it in one direction is joined to the k-th in the other.
+
+    Examples
+    --------
+    Two triangles of a square, and three lines, of which the last is apart:
+
+    >>> twin_edges(np.array([[0, 1, 2], [0, 2, 3]])).tolist()
+    [[-1, -1, 3], [2, -1, -1]]
+    >>> twin_edges(np.array([[0, 1], [1, 2], [5, 6]])).tolist()
+    [[-1, 2], [1, -1], [-1, -1]]
+    """
+    c = corners.shape[1]
+    if c == 2:
+        key = corners.ravel()
+        ahead = np.arange(1, len(key), 2)
+        back = ahead - 1
+    else:
+        start, end = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+        key = np.minimum(start, end) * (1 + corners.max(initial=0)) + np.maximum(start, end)
+        ahead, back = np.flatnonzero(start < end), np.flatnonzero(start >= end)
+    before = [_occurrence(key[edges]) for edges in (ahead, back)]
+    count = 1 + max(int(times.max(initial=0)) for times in before)
+    _, one, other = np.intersect1d(
+        key[ahead] * count + before[0],
+        key[back] * count + before[1],
+        assume_unique=True,
+        return_indices=True,
+    )
+    twins = np.full(len(key), -1)
+    twins[ahead[one]], twins[back[other]] = back[other], ahead[one]
+    return twins.reshape(corners.shape)
+
+
+def _occurrence(values: Index) -> Index:
+    """Count how often each value has appeared before: [7, 3, 7] gives [0, 0, 1]."""
+    occurrence = np.zeros(len(values), dtype=np.intp)
+    order = np.argsort(values, kind="stable")
+    ordered = values[order]
+    again = ordered[1:] == ordered[:-1]
+    if again.any():
+        position = np.arange(len(values))
+        first = np.where(np.concatenate([[True], ~again]), position, 0)
+        occurrence[order] = position - np.maximum.accumulate(first)
+    return occurrence
+
+
+def order_along(lines: Index) -> Index:
+    """Order of lines (nf, 2) along the curve, piece by piece: that with the first of all first."""
+    before, after = (twin_edges(lines) // 2).T.tolist()
+    order: list[int] = []
+    placed = [False] * len(lines)
+    for facet in range(len(lines)):
+        if placed[facet]:
+            continue
+        begin = facet
+        while before[begin] >= 0:
+            begin = before[begin]
+            if begin == facet:  # a closed curve begins at the facet that the mesh numbers first
+                break
+        along = begin
+        while along >= 0 and not placed[along]:
+            placed[along] = True
+            order.append(along)
+            along = after[along]
+    return np.array(order, dtype=np.intp)

@@ -29,9 +29,13 @@ from scipy.sparse import csr_matrix, diags
 
 from skfem_contact.arrays import Array, Index, Mask, cross, runs, tangents
 from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.bodies.thresholds import BOWED, ENOUGH, FITS
-from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF, SOLVED
+from skfem_contact.bodies.normal_field import BENT
+from skfem_contact.digits import COMPUTED, GIVEN, NEWTON_STEPS, ROUND_OFF, SOLVED
 from skfem_contact.records import dataclass
+
+# Neighbours that a quadric is fitted to, at least; where a node has less, theirs count, too. In the
+# plane these two tell all; in space five numbers are sought, and six nodes round one may lie on a cone.
+ENOUGH = {2: 2, 3: 7}
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +109,7 @@ def bowed_facets(points: Array, facets: Index, kind: FacetKind) -> Mask:
     straight = corner_weights(kind) @ x[:, : kind.corners]
     off = np.linalg.norm(x - straight, axis=2).max(axis=1)
     size = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
-    return np.asarray(off > BOWED * size)
+    return np.asarray(8 * off > BENT * size)  # what a parabola turns by from end to end
 
 
 def corner_weights(kind: FacetKind) -> Array:
@@ -146,7 +150,7 @@ def fitted(normal: Array, away: Array, there: Mask) -> tuple[Array, Array, Mask]
     n, T = start.copy(), np.ascontiguousarray(tangents(normal).transpose(1, 2, 0))
     k = np.zeros((d - 1, d - 1, len(normal)))
     left, before = np.arange(len(normal)), np.zeros(len(normal))
-    for _ in range(FITS):
+    for _ in range(NEWTON_STEPS):
         tilted, old, curvatures = (np.take(x, left, axis=-1) for x in (n, T, k))
         change = _step(tilted, old, curvatures, ring, weight)
         tilted += np.einsum("aq,adq->dq", change[: d - 1], old)
@@ -251,9 +255,6 @@ def principal(k: Array) -> Array:
     """Principal directions of curvatures (d-1, d-1, q), as columns; the larger one's first."""
     _, axis = _largest(k)
     return axis[:, None] if len(k) == 1 else np.stack([axis, np.stack([-axis[1], axis[0]])], axis=1)
-
-
-# -- rings -----------------------------------------------------------------------------------------
 
 
 def around(facets: Index, kind: FacetKind, bowed: Mask, m: int) -> csr_matrix:

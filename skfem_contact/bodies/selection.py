@@ -1,4 +1,7 @@
-"""Facets by names, functions of position and numbers; what acts on boundaries, by their names."""
+"""Facets by names, functions of position and numbers; what acts on boundaries, by their names.
+
+Facets are seen from outside of their body, and have a length or an area.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +16,13 @@ from scipy.sparse.csgraph import connected_components
 from skfem.assembly import DofsView
 
 from skfem_contact.arguments import number, shown
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, sizes
+from skfem_contact.bodies.facet_kinds import FacetKind, area_elements, area_vectors, node_positions
 from skfem_contact.bodies.inputs import unknown_boundary
 from skfem_contact.bodies.member import Member
+from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError, warn
+from skfem_contact.trees import pairs_within
 
 
 def name_of(where: Any) -> str:
@@ -138,9 +144,6 @@ def written(point: np.ndarray) -> str:
     return "(" + ", ".join(f"{value:.6g}" for value in point) + ")"
 
 
-# -- nodes of facets -------------------------------------------------------------------------------
-
-
 def facet_nodes(mesh: Any, dofs: Any, numbers: Index, vertices: Index) -> Index:
     """The nodes of facets, shape (nf, k): corners, then middles of edges of faces, then the middle.
 
@@ -194,9 +197,6 @@ def held_components(body: Member, dofs: np.ndarray) -> Mask:
     return held[dofs]
 
 
-# -- pieces of a mesh ------------------------------------------------------------------------------
-
-
 def pieces(elements: Index, n: int) -> Index:
     """Number of the connected piece that each of n DOFs belongs to, shape (n,).
 
@@ -219,7 +219,71 @@ def pieces(elements: Index, n: int) -> Index:
     return np.asarray(connected_components(graph, directed=False)[1][:n], dtype=np.intp)
 
 
-# -- loads and displacements by the names of boundaries -----------------------------------------------
+def seen_from_outside(mesh: Any, numbers: Index) -> tuple[Index, Index]:
+    """Facets of the boundary and their vertices: of lines with the body on the left, of faces
+    counter-clockwise seen from outside.
+
+    Returns
+    -------
+    numbers : ndarray of int, shape (nf,)
+        Lines as they are, faces in the order of their elements.
+    vertices : ndarray of int, shape (nf, c)
+    """
+    element, d = mesh.f2t[0].take(numbers), len(mesh.p)
+    if d == 3:
+        order = np.argsort(element, kind="stable")
+        numbers, element = numbers[order], element[order]
+    vertices = mesh.facets.take(numbers, axis=1).T.astype(np.intp)
+    x, c = node_positions(mesh.p.T, vertices), vertices.shape[1]
+    outward = x.mean(axis=1) - mesh.p.take(mesh.t.take(element, axis=1), axis=1).mean(axis=1).T
+    wrong = np.einsum("fd,fd->f", area_vectors(x), outward) < 0
+    backward = (3 - d - np.arange(c)) % c  # the first corner of a face stays the first
+    return numbers, np.where(wrong[:, None], vertices[:, backward], vertices)
+
+
+def check_facets(
+    points: Array, facets: Index, kind: FacetKind, numbers: Index, mesh: Any, label: str
+) -> None:
+    """Refuse facets without length or area, faces that fold over, and facets given twice.
+
+    Raises
+    ------
+    InputError
+    """
+    facet, size, slit = ("facets", "length", "slit") if kind.dim == 1 else ("faces", "area", "crack")
+    corners = node_positions(points, facets[:, : kind.corners])
+    middle = corners.mean(axis=1)
+    side = sizes(corners - corners[:, np.arange(kind.corners) - 1])
+    # coordinates carry 16 digits of the mesh's extent; anything near that has no direction
+    small = COMPUTED * np.ptp(mesh.doflocs, axis=1).max()
+    none, folded = side.min(axis=1) <= small, np.zeros(0, dtype=bool)
+    if kind.dim == 2:
+        area = area_elements(points, facets, kind, np.vstack([kind.locations, kind.middle]))
+        none |= sizes(area[:, -1]) <= small * side.max(axis=1)
+        folded = np.einsum("fqd,fd->fq", area, area[:, -1]).min(axis=1) <= 0
+    bad = np.flatnonzero(none)
+    if bad.size:
+        raise InputError(
+            f"surface {label!r}: {bad.size} {facet} have no {size}, the first is mesh facet "
+            f"{numbers[bad[0]]} at {written(points[facets[bad[0], 0]])}; remove the degenerate "
+            "elements from the mesh"
+        )
+    bad = np.flatnonzero(folded)
+    if bad.size:
+        raise InputError(
+            f"surface {label!r}: {bad.size} faces fold over, the first is mesh facet "
+            f"{numbers[bad[0]]} at {written(middle[bad[0]])}: at one of its nodes it "
+            "looks into the body. Usually an element is turned inside out, or middle nodes are far off "
+            "the middles of their edges; correct the mesh"
+        )
+    pairs = pairs_within(middle, max(small, GIVEN * side.min()))
+    if len(pairs):
+        i, j = pairs[0]
+        raise InputError(
+            f"surface {label!r}: {len(pairs)} {facet} lie twice at the same place, for example "
+            f"mesh facets {numbers[i]} and {numbers[j]} at {written(middle[i])}. Both lips of a "
+            f"{slit} can not be one surface: select each by its own boundary name or facet numbers"
+        )
 
 
 def boundary_dofs(basis: Any, name: str, what: str) -> Index:

@@ -9,33 +9,35 @@ from typing import Any
 import numpy as np
 
 from skfem_contact.arguments import NamesAttributes, check_name, numbers
-from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
-from skfem_contact.bodies.facets import (
-    check_facets,
-    order_along,
+from skfem_contact.bodies.facet_kinds import (
+    FacetKind,
+    kind_of,
+    node_shares,
     own_normals,
-    seen_from_outside,
     tributary_areas,
-    twin_edges,
 )
 from skfem_contact.bodies.member import Meshed
 from skfem_contact.bodies.normal_field import (
+    BENT,
     end_slopes,
     end_turns,
     kink_angles,
+    order_along,
     sharp_edges,
     sizes_and_normals,
+    twin_edges,
 )
 from skfem_contact.bodies.quadrics import Quadrics, mirrors
 from skfem_contact.bodies.selection import (
     as_met,
+    check_facets,
     facet_nodes,
     held_components,
     name_of,
     node_dofs,
+    seen_from_outside,
     select_facets,
 )
-from skfem_contact.bodies.thresholds import BENT
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import seal, sealed
@@ -192,12 +194,10 @@ class ContactSurface(NamesAttributes):
             )
         points = self.points + u[self.dofs]
         normals = sizes_and_normals(points, self.facets, self.kind, self.held, self.twins)
-        area = self.area
-        if getattr(self.body, "finite_strain", False):
-            area = sealed(
-                tributary_areas(points, self.facets, self.kind, self.body.measure, self.label)
-            )
-        return replace(self, points=points, area=area, undeformed=self.original, **normals)
+        moved = replace(self, points=points, undeformed=self.original, **normals)
+        if not getattr(self.body, "finite_strain", False):
+            return moved
+        return replace(moved, area=sealed(tributary_areas(points, self.facets, *moved._weighed)))
 
     @property
     def original(self) -> ContactSurface:
@@ -229,6 +229,24 @@ class ContactSurface(NamesAttributes):
         for node in self._rim.T:
             np.logical_or.at(found, node, self.mirrored_rim)
         return found
+
+    @property
+    def measured_at(self) -> np.ndarray:
+        """Positions of the nodes that the `measure` of the body is asked at, shape (m, d) [length].
+
+        Rings are as long as their radius is now; a thickness goes with the body, and is that of the
+        undeformed place.
+        """
+        return self.points if self.body.axisymmetric else self.original.points
+
+    @property
+    def _weighed(self) -> tuple[Any, ...]:
+        return self.kind, self.body.measure, self.label, self.measured_at
+
+    @cached_property
+    def shares(self) -> np.ndarray:
+        """Integrals of the shape functions, times the `measure`, over each facet, (nf, k) [area]."""
+        return node_shares(self.points, self.facets, *self._weighed)
 
     @property
     def facet_areas(self) -> np.ndarray:
@@ -344,6 +362,7 @@ class NoBody:
 
     name = None
     measure = None
+    axisymmetric = False
     D = np.zeros(0, dtype=np.int64)
 
     def __init__(self, d: int) -> None:

@@ -1,19 +1,19 @@
 """The contact conditions: gaps and slips as rows, friction laws, loads, and what they hold.
 
-* `friction`: laws, of wear too, and what they make of trial forces; `orthotropic`: friction with a
-  material direction; `friction_rule`: the rule at all points, every value checked;
+* `friction_rule`: what friction makes of trial forces, and the rule at all points; `friction`: laws, of
+  wear too, every value checked; `orthotropic`: friction with a material direction;
 * `contact`, `discretisation`, `kinematics`, `geometry`: one contact, its pairing, gaps and slips, and
   where they are when contact slides far; `rows`: their matrices, along the axes of friction, of rigid
   bodies too;
-* `loads`, `interface`, `state`: loads of a step, laws of all points, what friction remembers and
-  what that belongs to;
+* `interface`: laws of all points, and what a state belongs to; `state`: loads of a step, and what
+  friction remembers;
 * `motions`: what supports leave free, in words too, and whether contact holds it;
 * `checks`: what can be said before solving, of pairings and of axisymmetric bodies;
 """
 
 from typing import TYPE_CHECKING
 
-from skfem_contact.entrances import entrances
+from skfem_contact.records import entrances
 
 if TYPE_CHECKING:
     from skfem_contact.conditions.friction import Archard as Archard
@@ -28,13 +28,12 @@ __getattr__, __dir__ = entrances(
     __all__,
     {
         "discretisation": "carriers pair",
-        "friction": "Archard Derivatives FrictionLaw radial_return unlawful",
-        "friction_rule": "CheckedLaw FrictionRule steep_words",
+        "friction": "Archard CheckedLaw FrictionLaw steep_words unlawful",
+        "friction_rule": "Derivatives FrictionRule radial_return",
         "kinematics": "Kinematics",
-        "loads": "LoadCase Motion",
         "motions": "RigidMotions escape null_space rigid_motions",
         "orthotropic": "combinations duals OrthotropicCoulomb",
         "rows": "combined_rows tangential_matrix",
-        "state": "LocalState transport",
+        "state": "LoadCase LocalState Motion transport",
     },
 )

@@ -21,7 +21,7 @@ from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics, prescribed_rows
-from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.state import LoadCase
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import ConstraintError, InputError, warn
 from skfem_contact.obstacles.obstacle import Obstacle

@@ -20,14 +20,13 @@ from skfem_contact.arguments import (
 )
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.carried import carried
 from skfem_contact.conditions.friction import Archard, FrictionLaw
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.records import dataclass
-from skfem_contact.sealed import kept
+from skfem_contact.sealed import carried, kept
 
 Field: TypeAlias = "ArrayLike | Callable[[Array], ArrayLike]"
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from skfem_contact.arguments import shown
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, entries
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
@@ -18,11 +18,9 @@ from skfem_contact.digits import COMPUTED, DECIMALS, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import MotionLike, Obstacle
 from skfem_contact.pairing.corners import Names, corner_contacts
-from skfem_contact.pairing.frames import loaded_frames
+from skfem_contact.pairing.frames import along_supports, guided_tangents, held_tangents, loaded_frames
 from skfem_contact.pairing.mortar import dual_mortar
 from skfem_contact.pairing.node import Pairing, at_control_points, gap_vectors, node_to_segment
-from skfem_contact.pairing.supports import along_supports, guided_tangents, held_tangents
-from skfem_contact.pairing.vectors import entries
 
 
 def pair(

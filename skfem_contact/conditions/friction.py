@@ -1,18 +1,13 @@
-r"""Laws of friction and wear, bounds and volumes, and the return map of friction.
+r"""Laws of friction and wear: bounds and volumes, and the check of what a law gives.
 
 A law of friction bounds the force of a point, ``|tau| <= L(lambda)``; the point sticks below the
 bound and slips on it. Internally ``tau`` is the force that resists a positive slip, so that the
 friction on the secondary surface is ``-tau`` ([M] eqs. (6), (7), (11); [M] is V. L. Marchenko,
-2014). Forces are per contact point, stresses are forces divided by the tributary area.
+2014). Forces are per contact point, stresses are forces divided by the tributary area. What a law
+makes of a trial force is the return map of `skfem_contact.conditions.friction_rule`.
 
-The return map is what a law makes of a trial force ``t``: within the bound ``L`` it is the friction
-force; beyond it is brought back onto the circle (in the plane: onto the interval) of radius ``L``,
-along itself ([M] eq. (11)):
-
-    tau = L d,   d = t / |t|,        d tau = L / |t| (1 - d d') dt + d dL,
-                                     dL = dL/dlambda dlambda + dL/ds . ds .
-
-With one tangent ``1 - d d'`` is zero: the direction of friction does not turn.
+Laws may be the user's own. NaN compares as nothing, so a point whose bound is NaN would stick like
+glue; a negative bound would drive the body. All that asks such a law goes through `CheckedLaw`.
 
 Archard's law says that the volume worn off is ``k F s``, with the force F that presses and the way s
 that it slides; at each point of a surface the depth grows by ``k p ds``. It opens the gap. In a load
@@ -25,21 +20,25 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import KW_ONLY
 from functools import cached_property, partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from skfem_contact.arguments import PrintedAsCall, number, numbers, shown, take, with_known_keywords
-from skfem_contact.arrays import Array, Mask, lengths
-from skfem_contact.digits import SINGLE, SOLVED
+from skfem_contact.arrays import Array, Mask
+from skfem_contact.bodies.selection import written
+from skfem_contact.conditions.friction_rule import (
+    Derivatives,
+    LinearBound,
+    Mapped,
+    map_by_bound,
+    radial_return,
+)
+from skfem_contact.digits import COMPUTED, SINGLE, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass
-from skfem_contact.sealed import kept, sealed
-
-# A trial force beyond any bound, for points that slip in a known direction. A power of two, so that the
-# force on the bound has no round-off; and its fourth power is still a number.
-BEYOND = 2.0**250
+from skfem_contact.sealed import ByFields, kept, sealed
 
 #: Why a bound is not negative, and what to do where nothing is to slip.
 NO_SIGN = (
@@ -49,6 +48,10 @@ NO_SIGN = (
 NEVER_SLIPS = (
     "For surfaces that never slip use Contact(tied=True), or a large finite {} if they may separate."
 )
+
+
+# Coefficients from here on are larger than those of any pair of materials, sticky rubber (3) included.
+STEEP = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +120,7 @@ class FrictionLaw(PrintedAsCall):
         normal_force : ndarray, shape (m,)
             Compressive, never negative [force].
         area : ndarray, shape (m,)
-            Tributary area [area].
+            Tributary area, deformed or not as `ContactValues.area` is [area].
         slip : ndarray, shape (m, d-1)
             Slip since the point closed [length].
 
@@ -181,9 +184,24 @@ class FrictionLaw(PrintedAsCall):
         return map_by_bound(trial, np.asarray(self.limit(*given)), self.slope(*given), slip, bounds)
 
 
+@dataclass(frozen=True, eq=False)
+class LinearLaw(FrictionLaw):
+    """Base of the laws of this package, whose bound is a line in the normal force, up to a cap."""
+
+    def by_pressure(self, area: Array) -> LinearBound:
+        """The line and its cap at points with these areas, (m,)."""
+        raise NotImplementedError
+
+    def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
+        return self.by_pressure(area).at(normal_force)
+
+    def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
+        return self.by_pressure(area).slope(normal_force)
+
+
 @with_known_keywords(f="the coefficient of friction is mu", coefficient="write mu")
 @dataclass(frozen=True, eq=False, init=False)
-class Coulomb(FrictionLaw):
+class Coulomb(LinearLaw):
     r"""Coulomb friction with adhesion and a shear cap: ``L = min(mu lambda + c A, tau_max A)``.
 
     Parameters
@@ -236,30 +254,18 @@ class Coulomb(FrictionLaw):
     def is_linear(self) -> bool:
         return bool(np.all(np.isinf(np.asarray(self.tau_max, dtype=float))))
 
-    def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
-        bound = self._uncapped(normal_force, area)
+    def by_pressure(self, area: Array) -> LinearBound:
         # inf * 0 is nan: an area of zero has no cap either
-        return bound if self.tau_max == np.inf else np.minimum(bound, self.tau_max * area)
-
-    def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
-        steady = self.mu + np.zeros(normal_force.shape)
-        if self.tau_max == np.inf:
-            return steady
-        return np.where(self._uncapped(normal_force, area) >= self.tau_max * area, 0.0, steady)
-
-    def _uncapped(self, normal_force: Array, area: Array) -> Array:
-        bound = np.asarray(self.mu * normal_force)
-        return np.asarray(bound + self.cohesion * area) if self._coheres else bound
-
-    @cached_property
-    def _coheres(self) -> bool:
-        return bool(np.any(self.cohesion))
+        cap = np.inf if self.tau_max == np.inf else self.tau_max * area
+        return LinearBound(self.mu, self.cohesion * area, cap)
 
 
 @with_known_keywords(limit="write tau_max", k="write tau_max")
 @dataclass(frozen=True, eq=False, init=False)
-class Tresca(FrictionLaw):
+class Tresca(LinearLaw):
     """Tresca friction: a bound that does not depend on the pressure, ``L = tau_max A``.
+
+    The area of bodies of large strain is the deformed one with ``sliding="finite"``.
 
     Parameters
     ----------
@@ -289,11 +295,8 @@ class Tresca(FrictionLaw):
     def is_linear(self) -> bool:
         return True
 
-    def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
-        return self.tau_max * area
-
-    def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
-        return np.zeros_like(normal_force)
+    def by_pressure(self, area: Array) -> LinearBound:
+        return LinearBound(0.0, self.tau_max * area, np.inf)
 
 
 @with_known_keywords(
@@ -390,118 +393,6 @@ def check_points(law: object, names: tuple[str, ...], m: int, whose: str) -> Non
             )
 
 
-class Derivatives(NamedTuple):
-    """Derivatives of friction forces, component by component of the force.
-
-    Attributes
-    ----------
-    trial : ndarray, shape (m, d-1, d-1)
-        By the trial force.
-    normal_force : ndarray, shape (m, d-1)
-    slip : ndarray, shape (m, d-1, d-1)
-        By the slip that the bound depends on [force/length].
-    """
-
-    trial: Array
-    normal_force: Array
-    slip: Array
-
-
-Mapped = tuple[Array, Mask, Derivatives]
-
-
-def radial_return(trial: Array, limit: Array) -> tuple[Array, Mask]:
-    """Bring a trial friction force back onto the friction cone ([M] eq. (11)).
-
-    Parameters
-    ----------
-    trial : ndarray, shape (m, d-1)
-        Elastic predictor ``tau_n + G (s - s_n)`` [force].
-    limit : ndarray, shape (m,)
-        Friction bound [force].
-
-    Returns
-    -------
-    tangential : ndarray, shape (m, d-1)
-        `trial` where it is admissible, else its projection onto the circle of radius `limit`.
-    slips : ndarray of bool, shape (m,)
-
-    Examples
-    --------
-    >>> radial_return(np.array([[3.0, 4.0], [0.3, 0.4]]), np.array([1.0, 1.0]))
-    (array([[0.6, 0.8],
-           [0.3, 0.4]]), array([ True, False]))
-    """
-    if trial.shape[1] == 1:
-        force = np.copysign(np.minimum(np.abs(trial), limit[:, None]), trial)
-        return force, np.abs(trial[:, 0]) > limit
-    size = lengths(trial)
-    slips = size > limit
-    kept = np.divide(limit, size, out=np.ones(len(trial)), where=slips)
-    return trial * kept[:, None], slips
-
-
-def map_by_bound(
-    trial: Array, limit: Array, slope: Array, slip: Array, at: Callable[[Array], Array] | None
-) -> Mapped:
-    """The return map of a law that is given by its bound; see `FrictionLaw.return_map`.
-
-    Parameters
-    ----------
-    trial, slip : ndarray, shape (m, d-1)
-    limit, slope : ndarray, shape (m,)
-        The bounds, and their derivatives by the normal force.
-    at : callable or None
-        Gives the bounds (m,) at a slip (m, d-1), if they depend on it.
-    """
-    if trial.shape[1] == 1:  # nothing turns: along the only tangent what slips has its bound
-        force, slips = radial_return(trial, limit)
-        direction, by_trial = np.sign(trial) * slips[:, None], (~slips)[:, None, None].astype(float)
-    else:
-        size = lengths(trial)
-        slips = size > limit
-        kept = np.divide(limit, size, out=np.ones(len(trial)), where=slips)[:, None]
-        force = trial * kept
-        direction = np.divide(trial, size[:, None], out=np.zeros(trial.shape), where=slips[:, None])
-        by_trial = np.eye(trial.shape[1]) - direction[:, :, None] * direction[:, None, :]
-        by_trial *= kept[:, :, None]
-    by_normal = slope[:, None] * direction
-    by_slip = np.zeros(by_trial.shape)
-    if at is not None:
-        by_slip = direction[:, :, None] * slip_gradient(at, limit, slip, direction)[:, None, :]
-    return force, slips, Derivatives(by_trial, by_normal, by_slip)
-
-
-def slip_gradient(limit: Callable[[Array], Array], here: Array, slip: Array, direction: Array) -> Array:
-    """Derivative of a bound by the slip where points slip, shape (m, d-1): difference quotients.
-
-    Along `direction` it is that ahead: where slip begins, a bound that depends on its size has a kink.
-    Across it is the mean of both sides.
-
-    Parameters
-    ----------
-    limit : callable
-        Gives the bounds (m,) at a slip (m, d-1).
-    here : ndarray, shape (m,)
-        The bounds at `slip`.
-    direction : ndarray, shape (m, d-1)
-        Unit directions of friction; zero where nothing slips.
-    """
-    step = SINGLE * float(np.max(np.abs(slip), initial=0.0))
-    if step == 0.0:
-        return np.zeros_like(direction)
-    ahead = np.asarray((limit(slip + step * direction) - here) / step)
-    gradient = ahead[:, None] * direction
-    if direction.shape[1] == 1:  # one tangent: nothing is across
-        return gradient
-    slides = np.linalg.norm(direction, axis=1) > 0
-    for k, axis in enumerate(np.eye(direction.shape[1])):
-        across = step * np.where(slides[:, None], axis - direction * direction[:, k, None], 0.0)
-        difference = limit(slip + across) - limit(slip - across)
-        gradient[:, k] += difference / (2 * step)
-    return gradient
-
-
 def mapped_arrays(found: Any, name: str, trial: Array) -> Mapped:
     """Return what a user's return map gave, as arrays of the shapes that they must have.
 
@@ -543,3 +434,204 @@ def unlawful(trial: Array, limit: Array, force: Array, slips: Mask, by: Derivati
         slides &= np.isfinite(array).reshape(len(array), -1).all(axis=1)
     sticks = (np.linalg.norm(force - trial, axis=1) <= alike) & (wanted <= limit + alike)
     return ~np.where(slips, slides, sticks)
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedLaw(ByFields):
+    """The friction law of one contact, whose values are finite, not negative, and one per point.
+
+    Parameters
+    ----------
+    law : FrictionLaw
+    contact : str
+        Name of the contact, for messages.
+    points : ndarray, shape (m, d)
+        Positions of its points, for messages.
+
+    Examples
+    --------
+    >>> law = CheckedLaw(Coulomb(0.5), "joint", np.zeros((1, 2)))
+    >>> law.limit(np.array([2.0]), np.array([1.0]), np.array([[0.0]]))
+    array([1.])
+    """
+
+    law: FrictionLaw
+    contact: str
+    points: Array
+
+    @property
+    def is_linear(self) -> bool:
+        """See `FrictionLaw.is_linear`."""
+        return self.law.is_linear
+
+    @cached_property
+    def steady(self) -> bool:
+        """The law is one of this package, whose parameters were checked when it was made.
+
+        Its bounds need no check, and are `LinearBound`. Who derives from one may have changed them.
+        """
+        return "by_pressure" in vars(type(self.law))
+
+    def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
+        """Bounds, shape (m,); see `FrictionLaw.limit`. Zero at points without area.
+
+        Raises
+        ------
+        InputError
+            The law returned something else than one finite bound >= 0 for each point.
+        """
+        if self.steady:
+            # areas of points that carry nothing, vertices of quadratic faces by mortar, may be negative
+            return np.maximum(self.law.limit(normal_force, area, slip), 0.0)
+        bounds, known = self._ask(self.law.limit, "limit", normal_force, area, slip)
+        good = known & np.isfinite(bounds)
+        largest = max(np.max(part[good], initial=0.0) for part in (normal_force, bounds))
+        good &= bounds >= -COMPUTED * largest
+        if not good[known].all():
+            self._refuse("limit", known & ~good, bounds, normal_force, slip)
+        return np.maximum(bounds, 0.0)
+
+    def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
+        """Derivatives by the normal force, shape (m,); see `FrictionLaw.slope`.
+
+        A point without force is about to get one like the others: if the chord to it is flatter than
+        the tangent, the chord is taken. The tangent of a power of the pressure is infinite there.
+        """
+        if self.steady:
+            return self.law.slope(normal_force, area, slip)
+        slopes, known = self._ask(self.law.slope, "slope", normal_force, area, slip)
+        largest = float(np.max(normal_force[known], initial=0.0))
+        bare = known & (normal_force <= SINGLE * largest)
+        if largest > 0 and bare.any():
+            rise = self.limit(np.where(bare, largest, normal_force), area, slip)
+            rise -= self.limit(normal_force, area, slip)
+            slopes[bare] = np.fmin(slopes[bare], rise[bare] / largest)
+        good = np.isfinite(slopes)
+        if not good[known].all():
+            self._refuse("slope", known & ~good, slopes, normal_force, slip)
+        return slopes
+
+    def force(self, trial: Array, normal_force: Array, area: Array, slip: Array) -> tuple[Array, Mask]:
+        """Friction forces (m, d-1) by the return map, and which points slip (m,)."""
+        if self.by_bound:
+            return radial_return(trial, self.limit(normal_force, area, slip))
+        return self._own_map(trial, normal_force, area, slip)[:2]
+
+    def return_map(self, trial: Array, normal_force: Array, area: Array, slip: Array) -> Mapped:
+        """Forces, which points slip, and derivatives; see `FrictionLaw.return_map`.
+
+        Raises
+        ------
+        InputError
+            A law with a map of its own returned something else than finite numbers of these shapes,
+            or forces of another size than its own bound.
+        """
+        if self.by_bound:
+            given = normal_force, area, slip
+            at = partial(self.limit, normal_force, area)
+            return map_by_bound(trial, self.limit(*given), self.slope(*given), slip, at)
+        return self._own_map(trial, normal_force, area, slip)
+
+    @cached_property
+    def by_bound(self) -> bool:
+        """The law is given by its bound, and has no return map of its own."""
+        return type(self.law).return_map is FrictionLaw.return_map
+
+    def _own_map(self, trial: Array, normal_force: Array, area: Array, slip: Array) -> Mapped:
+        """Ask the law's own return map, and check what it gives against the bound."""
+        found, idle = self._answer(self.law.return_map, trial, normal_force, area, slip)
+        force, slips, derivatives = mapped_arrays(found, self._name("return_map"), trial)
+        force = np.where(idle[:, None], 0.0, force)
+        slips = np.where(idle, trial.any(axis=1), slips)
+        # a sticking force is the trial force, which needs no formula; a point without area has none
+        stuck = np.eye(trial.shape[1]) * ~slips[:, None, None]
+        own = slips & ~idle
+        by = Derivatives(
+            np.where(own[:, None, None], derivatives.trial, stuck),
+            np.where(own[:, None], derivatives.normal_force, 0.0),
+            np.where(own[:, None, None], derivatives.slip, 0.0),
+        )
+        known = np.isfinite(np.column_stack([normal_force, slip, trial])).all(axis=1)
+        limit = self.limit(normal_force, area, slip)
+        wrong = known & unlawful(trial, limit, force, slips, by)
+        if wrong.any():
+            i = int(np.argmax(wrong))
+            raise InputError(
+                f"{self._name('return_map')} returned the force {written(force[i])}, "
+                f"{'slipping' if slips[i] else 'sticking'}, at point {i} at {written(self.points[i])}, "
+                f"for the trial force {written(trial[i])} and its own limit {limit[i]:.6g}; "
+                f"derivatives by it {by.trial[i].tolist()}. It must be the trial force itself where "
+                "that is within the limit, and else a force as large as the limit; and all numbers "
+                "finite. For a limit that depends on the direction see OrthotropicCoulomb."
+            )
+        return force, slips, by
+
+    def _ask(
+        self, method: Callable[..., Any], what: str, normal_force: Array, area: Array, slip: Array
+    ) -> tuple[Array, Mask]:
+        """Call the law, and return with its values the points that have to get a number."""
+        found, idle = self._answer(method, normal_force, area, slip)
+        usage = "it must return an array with one number for each contact point"
+        values = numbers(found, f"what {self._name(what)} returned", usage)
+        if values.shape != normal_force.shape:
+            raise InputError(
+                f"{self._name(what)} returned an array of shape {values.shape} for "
+                f"{len(normal_force)} points, where it must have shape {normal_force.shape}. It is "
+                f"given normal forces and areas of shape {normal_force.shape} and slips of shape "
+                f"{slip.shape}: np.linalg.norm(slip, axis=1) is the size of the slip, one number per "
+                "point."
+            )
+        known = np.isfinite(np.column_stack([normal_force, slip])).all(axis=1) & ~idle
+        return np.where(idle, 0.0, values), known
+
+    def _answer(self, method: Callable[..., Any], *given: Array) -> tuple[Any, Mask]:
+        """Evaluate the law at forces, areas and slips; points without area carry no force."""
+        *forces, area, slip = given
+        idle = area <= COMPUTED * np.max(area, initial=0.0)
+        # the law's own copies, as it may work in place; divisions by zero are found by their result
+        asked = *(force.copy() for force in forces), np.where(idle, 1.0, area), slip.copy()
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            return method(*asked), np.asarray(idle)
+
+    def _name(self, method: str) -> str:
+        return f"contact '{self.contact}': {type(self.law).__name__}.{method}"
+
+    def _refuse(self, what: str, bad: Mask, values: Array, normal_force: Array, slip: Array) -> None:
+        i, count = int(np.argmax(bad)), int(bad.sum())
+        many = "" if count == 1 else f" ({count} of {len(bad)} points, of which this is the first)"
+        words = (
+            f"{self._name(what)} returned {values[i]:.6g} at point {i} at {written(self.points[i])}, "
+            f"where the normal force is {normal_force[i]:.6g} and the slip {written(slip[i])}{many}. "
+        )
+        if what == "slope":
+            words += "The derivative of the bound has to be finite; leave slope out for a quotient."
+        elif values[i] < 0:
+            words += (
+                "A bound is the size of the friction force, whose direction follows from the slip: "
+                "it has to be >= 0."
+            )
+        elif normal_force[i] == 0:
+            words += (
+                "A law needs a bound also where nothing presses. With a power of the pressure write "
+                "the bound itself as a power, c * p**(2/3) instead of c * p**(-1/3) * p, or bound p "
+                "from below."
+            )
+        else:
+            words += "A bound has to be finite; for surfaces that never slip use Contact(tied=True)."
+        raise InputError(words)
+
+
+def steep_words(law: FrictionLaw | None) -> str:
+    """Say by how much friction exceeds the normal force, for coefficients that no material has.
+
+    Such a coefficient may stand for points that hardly ever slip, or be an angle in degrees, or per
+    cent. That is not told by its value, so nothing is warned of; what is said is true of all three,
+    and shows which it is.
+
+    >>> steep_words(Coulomb(30)), steep_words(Coulomb(0.5))
+    ('up to 88.1 degrees off the normal (mu = 30)', '')
+    """
+    mu = float(np.max(law.by_pressure(np.ones(1)).mu)) if isinstance(law, LinearLaw) else 0.0
+    if mu < STEEP:
+        return ""
+    return f"up to {np.degrees(np.arctan(mu)):.3g} degrees off the normal (mu = {mu:.6g})"

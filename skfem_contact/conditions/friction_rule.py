@@ -1,229 +1,175 @@
-"""The friction rule at the points: the laws of all contacts as one, every value of theirs checked.
+r"""The return map of friction, and the rule at all points: the laws of all contacts as one.
 
-Laws may be the user's own. NaN compares as nothing, so a point whose bound is NaN would stick like
-glue; a negative bound would drive the body. All that asks a law goes through `CheckedLaw`: the
-certificate, the pictures; and the loops, which ask for all points at once by `FrictionRule`.
+The return map is what a law makes of a trial force ``t``: within the bound ``L`` it is the friction
+force; beyond it is brought back onto the circle (in the plane: onto the interval) of radius ``L``,
+along itself ([M] eq. (11)):
+
+    tau = L d,   d = t / |t|,        d tau = L / |t| (1 - d d') dt + d dL,
+                                     dL = dL/dlambda dlambda + dL/ds . ds .
+
+With one tangent ``1 - d d'`` is zero: the direction of friction does not turn.
+
+A bound that is a line in the normal force, with a cap, is three numbers at each point: those of all
+contacts are put together once, and asked as arrays. `FrictionRule` asks other laws by themselves.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from functools import cached_property, partial
-from typing import Any, Protocol
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from skfem_contact.arguments import numbers
 from skfem_contact.arrays import Array, Index, Mask, lengths, unit_vectors
-from skfem_contact.bodies.selection import written
-from skfem_contact.carried import ByFields
-from skfem_contact.conditions.friction import (
-    BEYOND,
-    Coulomb,
-    Derivatives,
-    FrictionLaw,
-    Mapped,
-    Tresca,
-    map_by_bound,
-    mapped_arrays,
-    radial_return,
-    unlawful,
-)
-from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.digits import COMPUTED, SINGLE
-from skfem_contact.errors import InputError
-from skfem_contact.records import dataclass
+from skfem_contact.digits import SINGLE
 
-# Coefficients from here on are larger than those of any pair of materials, sticky rubber (3) included.
-STEEP = 5.0
+# A trial force beyond any bound, for points that slip in a known direction. A power of two, so that the
+# force on the bound has no round-off; and its fourth power is still a number.
+BEYOND = 2.0**250
 
 
-@dataclass(frozen=True, eq=False)
-class CheckedLaw(ByFields):
-    """The friction law of one contact, whose values are finite, not negative, and one per point.
+class Derivatives(NamedTuple):
+    """Derivatives of friction forces, component by component of the force.
+
+    Attributes
+    ----------
+    trial : ndarray, shape (m, d-1, d-1)
+        By the trial force.
+    normal_force : ndarray, shape (m, d-1)
+    slip : ndarray, shape (m, d-1, d-1)
+        By the slip that the bound depends on [force/length].
+    """
+
+    trial: Array
+    normal_force: Array
+    slip: Array
+
+
+Mapped = tuple[Array, Mask, Derivatives]
+
+
+def radial_return(trial: Array, limit: Array) -> tuple[Array, Mask]:
+    """Bring a trial friction force back onto the friction cone ([M] eq. (11)).
 
     Parameters
     ----------
-    law : FrictionLaw
-    contact : str
-        Name of the contact, for messages.
-    points : ndarray, shape (m, d)
-        Positions of its points, for messages.
+    trial : ndarray, shape (m, d-1)
+        Elastic predictor ``tau_n + G (s - s_n)`` [force].
+    limit : ndarray, shape (m,)
+        Friction bound [force].
+
+    Returns
+    -------
+    tangential : ndarray, shape (m, d-1)
+        `trial` where it is admissible, else its projection onto the circle of radius `limit`.
+    slips : ndarray of bool, shape (m,)
 
     Examples
     --------
-    >>> law = CheckedLaw(Coulomb(0.5), "joint", np.zeros((1, 2)))
-    >>> law.limit(np.array([2.0]), np.array([1.0]), np.array([[0.0]]))
-    array([1.])
+    >>> radial_return(np.array([[3.0, 4.0], [0.3, 0.4]]), np.array([1.0, 1.0]))
+    (array([[0.6, 0.8],
+           [0.3, 0.4]]), array([ True, False]))
+    """
+    if trial.shape[1] == 1:
+        force = np.copysign(np.minimum(np.abs(trial), limit[:, None]), trial)
+        return force, np.abs(trial[:, 0]) > limit
+    size = lengths(trial)
+    slips = size > limit
+    kept = np.divide(limit, size, out=np.ones(len(trial)), where=slips)
+    return trial * kept[:, None], slips
+
+
+def map_by_bound(
+    trial: Array, limit: Array, slope: Array, slip: Array, at: Callable[[Array], Array] | None
+) -> Mapped:
+    """The return map of a law that is given by its bound; see `FrictionLaw.return_map`.
+
+    Parameters
+    ----------
+    trial, slip : ndarray, shape (m, d-1)
+    limit, slope : ndarray, shape (m,)
+        The bounds, and their derivatives by the normal force.
+    at : callable or None
+        Gives the bounds (m,) at a slip (m, d-1), if they depend on it.
+    """
+    if trial.shape[1] == 1:  # nothing turns: along the only tangent what slips has its bound
+        force, slips = radial_return(trial, limit)
+        direction, by_trial = np.sign(trial) * slips[:, None], (~slips)[:, None, None].astype(float)
+    else:
+        size = lengths(trial)
+        slips = size > limit
+        kept = np.divide(limit, size, out=np.ones(len(trial)), where=slips)[:, None]
+        force = trial * kept
+        direction = np.divide(trial, size[:, None], out=np.zeros(trial.shape), where=slips[:, None])
+        by_trial = np.eye(trial.shape[1]) - direction[:, :, None] * direction[:, None, :]
+        by_trial *= kept[:, :, None]
+    by_normal = slope[:, None] * direction
+    by_slip = np.zeros(by_trial.shape)
+    if at is not None:
+        by_slip = direction[:, :, None] * slip_gradient(at, limit, slip, direction)[:, None, :]
+    return force, slips, Derivatives(by_trial, by_normal, by_slip)
+
+
+def slip_gradient(limit: Callable[[Array], Array], here: Array, slip: Array, direction: Array) -> Array:
+    """Derivative of a bound by the slip where points slip, shape (m, d-1): difference quotients.
+
+    Along `direction` it is that ahead: where slip begins, a bound that depends on its size has a kink.
+    Across it is the mean of both sides.
+
+    Parameters
+    ----------
+    limit : callable
+        Gives the bounds (m,) at a slip (m, d-1).
+    here : ndarray, shape (m,)
+        The bounds at `slip`.
+    direction : ndarray, shape (m, d-1)
+        Unit directions of friction; zero where nothing slips.
+    """
+    step = SINGLE * float(np.max(np.abs(slip), initial=0.0))
+    if step == 0.0:
+        return np.zeros_like(direction)
+    ahead = np.asarray((limit(slip + step * direction) - here) / step)
+    gradient = ahead[:, None] * direction
+    if direction.shape[1] == 1:  # one tangent: nothing is across
+        return gradient
+    slides = np.linalg.norm(direction, axis=1) > 0
+    for k, axis in enumerate(np.eye(direction.shape[1])):
+        across = step * np.where(slides[:, None], axis - direction * direction[:, k, None], 0.0)
+        difference = limit(slip + across) - limit(slip - across)
+        gradient[:, k] += difference / (2 * step)
+    return gradient
+
+
+class LinearBound(NamedTuple):
+    """Bounds ``min(mu lambda + least, cap)`` of friction forces, numbers or one per point (m,).
+
+    Attributes
+    ----------
+    mu : float or ndarray
+    least, cap : float or ndarray
+        [force]
+
+    Examples
+    --------
+    >>> LinearBound(0.5, 1.0, 4.0).at(np.array([2.0, 10.0]))
+    array([2., 4.])
     """
 
-    law: FrictionLaw
-    contact: str
-    points: Array
+    mu: Any
+    least: Any
+    cap: Any
 
-    @property
-    def is_linear(self) -> bool:
-        """See `FrictionLaw.is_linear`."""
-        return self.law.is_linear
+    def at(self, normal_force: Array) -> Array:
+        """Bounds under normal forces, (m,) [force]."""
+        return np.asarray(np.minimum(self.mu * normal_force + self.least, self.cap))
 
-    @cached_property
-    def steady(self) -> bool:
-        """The law is one of this package, whose parameters were checked when it was made.
-
-        Its bounds need no check, and are piecewise linear in the normal force, without the slip.
-        """
-        return type(self.law) in (Coulomb, OrthotropicCoulomb, Tresca)
-
-    def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
-        """Bounds, shape (m,); see `FrictionLaw.limit`. Zero at points without area.
-
-        Raises
-        ------
-        InputError
-            The law returned something else than one finite bound >= 0 for each point.
-        """
-        if self.steady:
-            # areas of points that carry nothing, vertices of quadratic faces by mortar, may be negative
-            return np.maximum(self.law.limit(normal_force, area, slip), 0.0)
-        bounds, known = self._ask(self.law.limit, "limit", normal_force, area, slip)
-        good = known & np.isfinite(bounds)
-        largest = max(np.max(part[good], initial=0.0) for part in (normal_force, bounds))
-        good &= bounds >= -COMPUTED * largest
-        if not good[known].all():
-            self._refuse("limit", known & ~good, bounds, normal_force, slip)
-        return np.maximum(bounds, 0.0)
-
-    def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
-        """Derivatives by the normal force, shape (m,); see `FrictionLaw.slope`.
-
-        A point without force is about to get one like the others: if the chord to it is flatter than
-        the tangent, the chord is taken. The tangent of a power of the pressure is infinite there.
-        """
-        if self.steady:
-            return self.law.slope(normal_force, area, slip)
-        slopes, known = self._ask(self.law.slope, "slope", normal_force, area, slip)
-        largest = float(np.max(normal_force[known], initial=0.0))
-        bare = known & (normal_force <= SINGLE * largest)
-        if largest > 0 and bare.any():
-            rise = self.limit(np.where(bare, largest, normal_force), area, slip)
-            rise -= self.limit(normal_force, area, slip)
-            slopes[bare] = np.fmin(slopes[bare], rise[bare] / largest)
-        good = np.isfinite(slopes)
-        if not good[known].all():
-            self._refuse("slope", known & ~good, slopes, normal_force, slip)
-        return slopes
-
-    def force(self, trial: Array, normal_force: Array, area: Array, slip: Array) -> tuple[Array, Mask]:
-        """Friction forces (m, d-1) by the return map, and which points slip (m,)."""
-        if self.by_bound:
-            return radial_return(trial, self.limit(normal_force, area, slip))
-        return self._own_map(trial, normal_force, area, slip)[:2]
-
-    def return_map(self, trial: Array, normal_force: Array, area: Array, slip: Array) -> Mapped:
-        """Forces, which points slip, and derivatives; see `FrictionLaw.return_map`.
-
-        Raises
-        ------
-        InputError
-            A law with a map of its own returned something else than finite numbers of these shapes,
-            or forces of another size than its own bound.
-        """
-        if self.by_bound:
-            given = normal_force, area, slip
-            at = None if self.steady else partial(self.limit, normal_force, area)
-            return map_by_bound(trial, self.limit(*given), self.slope(*given), slip, at)
-        return self._own_map(trial, normal_force, area, slip)
-
-    @cached_property
-    def by_bound(self) -> bool:
-        """The law is given by its bound, and has no return map of its own."""
-        return type(self.law).return_map is FrictionLaw.return_map
-
-    def _own_map(self, trial: Array, normal_force: Array, area: Array, slip: Array) -> Mapped:
-        """Ask the law's own return map, and check what it gives against the bound."""
-        found, idle = self._answer(self.law.return_map, trial, normal_force, area, slip)
-        force, slips, derivatives = mapped_arrays(found, self._name("return_map"), trial)
-        force = np.where(idle[:, None], 0.0, force)
-        slips = np.where(idle, trial.any(axis=1), slips)
-        # a sticking force is the trial force, which needs no formula; a point without area has none
-        stuck = np.eye(trial.shape[1]) * ~slips[:, None, None]
-        own = slips & ~idle
-        by = Derivatives(
-            np.where(own[:, None, None], derivatives.trial, stuck),
-            np.where(own[:, None], derivatives.normal_force, 0.0),
-            np.where(own[:, None, None], derivatives.slip, 0.0),
-        )
-        known = np.isfinite(np.column_stack([normal_force, slip, trial])).all(axis=1)
-        limit = self.limit(normal_force, area, slip)
-        wrong = known & unlawful(trial, limit, force, slips, by)
-        if wrong.any():
-            i = int(np.argmax(wrong))
-            raise InputError(
-                f"{self._name('return_map')} returned the force {written(force[i])}, "
-                f"{'slipping' if slips[i] else 'sticking'}, at point {i} at {written(self.points[i])}, "
-                f"for the trial force {written(trial[i])} and its own limit {limit[i]:.6g}; "
-                f"derivatives by it {by.trial[i].tolist()}. It must be the trial force itself where "
-                "that is within the limit, and else a force as large as the limit; and all numbers "
-                "finite. For a limit that depends on the direction see OrthotropicCoulomb."
-            )
-        return force, slips, by
-
-    def _ask(
-        self, method: Callable[..., Any], what: str, normal_force: Array, area: Array, slip: Array
-    ) -> tuple[Array, Mask]:
-        """Call the law, and return with its values the points that have to get a number."""
-        found, idle = self._answer(method, normal_force, area, slip)
-        usage = "it must return an array with one number for each contact point"
-        values = numbers(found, f"what {self._name(what)} returned", usage)
-        if values.shape != normal_force.shape:
-            raise InputError(
-                f"{self._name(what)} returned an array of shape {values.shape} for "
-                f"{len(normal_force)} points, where it must have shape {normal_force.shape}. It is "
-                f"given normal forces and areas of shape {normal_force.shape} and slips of shape "
-                f"{slip.shape}: np.linalg.norm(slip, axis=1) is the size of the slip, one number per "
-                "point."
-            )
-        known = np.isfinite(np.column_stack([normal_force, slip])).all(axis=1) & ~idle
-        return np.where(idle, 0.0, values), known
-
-    def _answer(self, method: Callable[..., Any], *given: Array) -> tuple[Any, Mask]:
-        """Evaluate the law at forces, areas and slips; points without area carry no force."""
-        *forces, area, slip = given
-        idle = area <= COMPUTED * np.max(area, initial=0.0)
-        # the law's own copies, as it may work in place; divisions by zero are found by their result
-        asked = *(force.copy() for force in forces), np.where(idle, 1.0, area), slip.copy()
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            return method(*asked), np.asarray(idle)
-
-    def _name(self, method: str) -> str:
-        return f"contact '{self.contact}': {type(self.law).__name__}.{method}"
-
-    def _refuse(self, what: str, bad: Mask, values: Array, normal_force: Array, slip: Array) -> None:
-        i, count = int(np.argmax(bad)), int(bad.sum())
-        many = "" if count == 1 else f" ({count} of {len(bad)} points, of which this is the first)"
-        words = (
-            f"{self._name(what)} returned {values[i]:.6g} at point {i} at {written(self.points[i])}, "
-            f"where the normal force is {normal_force[i]:.6g} and the slip {written(slip[i])}{many}. "
-        )
-        if what == "slope":
-            words += "The derivative of the bound has to be finite; leave slope out for a quotient."
-        elif values[i] < 0:
-            words += (
-                "A bound is the size of the friction force, whose direction follows from the slip: "
-                "it has to be >= 0."
-            )
-        elif normal_force[i] == 0:
-            words += (
-                "A law needs a bound also where nothing presses. With a power of the pressure write "
-                "the bound itself as a power, c * p**(2/3) instead of c * p**(-1/3) * p, or bound p "
-                "from below."
-            )
-        else:
-            words += "A bound has to be finite; for surfaces that never slip use Contact(tied=True)."
-        raise InputError(words)
+    def slope(self, normal_force: Array) -> Array:
+        """Their derivatives by the normal force, (m,)."""
+        return np.where(self.mu * normal_force + self.least >= self.cap, 0.0, self.mu)
 
 
-Laws = tuple[tuple[slice, CheckedLaw], ...]
+#: The points of each law, and the law: a `friction.CheckedLaw`, which stands above this module.
+Laws = Sequence[tuple[slice, Any]]
 
 
 class FrictionRule:
@@ -250,6 +196,7 @@ class FrictionRule:
 
     Examples
     --------
+    >>> from skfem_contact.conditions.friction import CheckedLaw, Coulomb
     >>> law = CheckedLaw(Coulomb(0.5), "joint", np.zeros((1, 2)))
     >>> rule = FrictionRule(((slice(0, 1), law),), np.ones(1), np.zeros((1, 1)))
     >>> rule.project(np.array([[-3.0]]), np.array([2.0]), np.zeros((1, 1)))
@@ -257,50 +204,60 @@ class FrictionRule:
     """
 
     def __init__(self, laws: Laws, area: Array, reference: Array) -> None:
-        self.laws, self.area, self.reference = laws, area, reference
-        self._only = laws[0][1] if len(laws) == 1 and laws[0][0] == slice(0, len(area)) else None
-        self.steady = all(law.steady for _, law in laws)
+        self.laws, self.area, self.reference, m = laws, area, reference, len(area)
+        lines = [(part, law.law.by_pressure(area[part])) for part, law in laws if law.steady]
+        self._asked_alone = [(part, law) for part, law in laws if not law.steady]
+        self.steady = not self._asked_alone
         self.by_bound = all(law.by_bound for _, law in laws)
-        self._asked: tuple[Array, Array, Array] | None = None
+        if len(lines) == 1 and lines[0][0] == slice(0, m):
+            self._line = lines[0][1]
+        else:
+            self._line = LinearBound(np.zeros(m), np.zeros(m), np.full(m, np.inf))
+            for part, line in lines:
+                for whole, values in zip(self._line, line, strict=True):
+                    whole[part] = values
+        self._known: tuple[Array, Array, Array] | None = None
 
     def since(self, reference: Array) -> FrictionRule:
         """The same laws at points that closed at other slips (m, d-1)."""
         rule = object.__new__(FrictionRule)
-        vars(rule).update(vars(self), reference=reference, _asked=None)
+        vars(rule).update(vars(self), reference=reference, _known=None)
         return rule
 
     def bound(self, normal_force: Array, slip: Array) -> Array:
         """Bound of the friction force of every point, (m,) [force]; an iteration asks twice of one."""
-        known = self._asked
+        known = self._known
         if known is None or known[0] is not normal_force or known[1] is not slip:
-            found, only = self._counted(normal_force, slip), self._only
-            bound = self._all("limit", *found) if only is None else only.limit(*found)
-            known = self._asked = normal_force, slip, bound
+            pressing = np.maximum(normal_force, 0.0)
+            # areas of points that carry nothing, vertices of quadratic faces by mortar, may be negative
+            bound = np.maximum(self._line.at(pressing), 0.0)
+            for part, law in self._asked_alone:
+                bound[part] = law.limit(*self._counted(part, pressing, slip))
+            known = self._known = normal_force, slip, bound
         return known[2]
 
     def slope(self, normal_force: Array, slip: Array) -> Array:
         """Derivative of the bound by the normal force, (m,)."""
-        found, only = self._counted(normal_force, slip), self._only
-        return self._all("slope", *found) if only is None else only.slope(*found)
+        pressing = np.maximum(normal_force, 0.0)
+        slope = self._line.slope(pressing)
+        for part, law in self._asked_alone:
+            slope[part] = law.slope(*self._counted(part, pressing, slip))
+        return slope
 
     def project(self, trial: Array, normal_force: Array, slip: Array) -> tuple[Array, Mask]:
         """Friction forces (m, d-1) that trial forces come back to, and which points slip, (m,)."""
-        if self._only is not None and self._only.by_bound:
+        if self.by_bound:
             return radial_return(trial, self.bound(normal_force, slip))
-        force, slips = np.zeros(trial.shape), np.zeros(len(trial), dtype=bool)
-        for part, law, counted in self._parts(*self._counted(normal_force, slip)):
-            force[part], slips[part] = law.force(trial[part], *counted)
-        return force, slips
+        return self.mapped(trial, normal_force, slip)[:2]
 
     def mapped(self, trial: Array, normal_force: Array, slip: Array) -> Mapped:
         """The same forces and points, and the derivatives of the forces."""
-        if self._only is not None:
-            return self._only.return_map(trial, *self._counted(normal_force, slip))
-        m, t = trial.shape
-        force, slips = np.zeros((m, t)), np.zeros(m, dtype=bool)
-        by = Derivatives(np.zeros((m, t, t)), np.zeros((m, t)), np.zeros((m, t, t)))
-        for part, law, counted in self._parts(*self._counted(normal_force, slip)):
-            force[part], slips[part], own_by = law.return_map(trial[part], *counted)
+        pressing = np.maximum(normal_force, 0.0)
+        limit, slope = np.maximum(self._line.at(pressing), 0.0), self._line.slope(pressing)
+        force, slips, by = map_by_bound(trial, limit, slope, slip, None)
+        for part, law in self._asked_alone:
+            given = self._counted(part, pressing, slip)
+            force[part], slips[part], own_by = law.return_map(trial[part], *given)
             for whole, values in zip(by, own_by, strict=True):
                 whole[part] = values
         return force, slips, by
@@ -328,48 +285,14 @@ class FrictionRule:
             return np.maximum(lengths(trial) - self.bound(normal_force, slip), 0.0)
         return lengths(trial - self.project(trial, normal_force, slip)[0])
 
-    def _all(self, method: str, force: Array, area: Array, slip: Array) -> Array:
-        """Collect the values of a method of the laws at all points, (m,)."""
-        out = np.zeros(force.shape)
-        for part, law, counted in self._parts(force, area, slip):
-            out[part] = getattr(law, method)(*counted)
-        return out
-
-    def _parts(
-        self, force: Array, area: Array, slip: Array
-    ) -> Iterator[tuple[slice, CheckedLaw, tuple[Array, Array, Array]]]:
-        """The points of each law, and what its bound depends on."""
-        for part, law in self.laws:
-            yield part, law, (force[part], area[part], slip[part])
-
-    def _counted(self, normal_force: Array, slip: Array) -> tuple[Array, Array, Array]:
-        """Return what bounds depend on at all points: normal force, area, slip since they closed."""
-        if not self.steady:
-            slip = slip - self.reference
-        return np.maximum(normal_force, 0.0), self.area, slip
+    def _counted(self, part: slice, pressing: Array, slip: Array) -> tuple[Array, Array, Array]:
+        """Return what a law is asked with: normal force, area, slip since its points closed."""
+        return pressing[part], self.area[part], slip[part] - self.reference[part]
 
 
 def grows(by: Derivatives) -> Mask:
     """Points whose bound grows with the slip, (m,)."""
     return np.asarray(np.einsum("ikk->i", by.slip) > 0)
-
-
-def steep_words(law: FrictionLaw | None) -> str:
-    """Say by how much friction exceeds the normal force, for coefficients that no material has.
-
-    Such a coefficient may stand for points that hardly ever slip, or be an angle in degrees, or per
-    cent. That is not told by its value, so nothing is warned of; what is said is true of all three,
-    and shows which it is.
-
-    >>> steep_words(Coulomb(30)), steep_words(Coulomb(0.5))
-    ('up to 88.1 degrees off the normal (mu = 30)', '')
-    """
-    if not isinstance(law, Coulomb | OrthotropicCoulomb):
-        return ""
-    mu = float(np.max(np.asarray(law.mu), initial=0.0))
-    if mu < STEEP:
-        return ""
-    return f"up to {np.degrees(np.arctan(mu)):.3g} degrees off the normal (mu = {mu:.6g})"
 
 
 class Slid(Protocol):
@@ -392,9 +315,9 @@ def friction_bound(laws: Laws, state: Slid) -> Array:
 
 def resisting_slips(laws: Laws, state: Slid, slips: Mask) -> Mask:
     """Those of points that slip against a bound that grows with the slip: a spring along it, (m,)."""
-    rule = FrictionRule(laws, state.area, state.reference)
-    if rule.steady:
+    if all(law.steady for _, law in laws):
         return np.zeros(len(slips), dtype=bool)
+    rule = FrictionRule(laws, state.area, state.reference)
     direction = unit_vectors(state.tangential_force)
     return slips & rule.hardens(direction, state.normal_force, state.slip)
 

@@ -35,7 +35,7 @@ from skfem_contact.conditions.checks import (
 )
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.discretisation import pair
-from skfem_contact.conditions.interface import contact_names, point_slices
+from skfem_contact.conditions.interface import Identity, contact_names, point_slices
 from skfem_contact.conditions.kinematics import (
     Kinematics,
     initial_gap,
@@ -43,10 +43,9 @@ from skfem_contact.conditions.kinematics import (
     kinematics,
     prescribed_rows,
 )
-from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.rows import as_motion
-from skfem_contact.conditions.state import OPEN, Identity, LocalState, transport
+from skfem_contact.conditions.state import OPEN, LoadCase, LocalState, Motion, transport
 from skfem_contact.obstacles.obstacle import spin
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.pairing.node import Pairing

@@ -20,7 +20,7 @@ from functools import cached_property, partial
 import numpy as np
 from scipy.sparse import block_diag, csr_matrix, identity
 
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, entries
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact, field_values
@@ -41,9 +41,8 @@ from skfem_contact.conditions.rows import (
 )
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
+from skfem_contact.pairing.dual import can_move
 from skfem_contact.pairing.node import Pairing, gap_vectors, gap_weights
-from skfem_contact.pairing.supports import can_move
-from skfem_contact.pairing.vectors import entries
 from skfem_contact.records import dataclass
 
 ALL = slice(None)
@@ -162,27 +161,21 @@ class Kinematics:
         """
         return self.tangential()
 
-    @property
+    @cached_property
     def axes(self) -> Array:
         """The axes that components of slips and of friction are taken along, (m, d-1, d).
 
         The tangents, scaled where friction has a material direction, see `rows`; none of a field
         with one component.
         """
-        return self._axes if self.scaled is None else self.scaled
-
-    @property
-    def duals(self) -> Array:
-        """The vectors that slips are combined of by their components, (m, d-1, d)."""
-        return self._axes if self.scaled is None else self._scaled_duals
-
-    @property
-    def _axes(self) -> Array:
+        if self.scaled is not None:
+            return self.scaled
         return self.tangent if self.tangents else self.tangent[:, :0]
 
     @cached_property
-    def _scaled_duals(self) -> Array:
-        return duals(self.axes, self.normal)
+    def duals(self) -> Array:
+        """The vectors that slips are combined of by their components, (m, d-1, d)."""
+        return self.axes if self.scaled is None else duals(self.axes, self.normal)
 
     def slip_along(self, components: Array, part: slice = ALL) -> Array:
         """Slips of some points along their unit tangents, from those along their axes, (k, d-1)."""

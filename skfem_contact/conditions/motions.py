@@ -27,7 +27,6 @@ from scipy.sparse import csr_matrix
 from skfem_contact.arrays import Array, Mask, block_diagonal, largest
 from skfem_contact.bodies import member
 from skfem_contact.bodies.system import System
-from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import Coulomb
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
@@ -37,6 +36,7 @@ from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF, SINGLE, SOLVED
 from skfem_contact.errors import NoEquilibrium
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.records import dataclass
+from skfem_contact.sealed import ByFields
 
 # A mode with less than this share of a motion is not named in messages.
 NOT_NAMED = 1e-3

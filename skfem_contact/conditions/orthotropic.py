@@ -35,13 +35,13 @@ from numpy.typing import ArrayLike
 from skfem_contact.arguments import numbers, shown, with_known_keywords
 from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.selection import written
-from skfem_contact.carried import carried
-from skfem_contact.conditions.friction import Coulomb, FrictionLaw
+from skfem_contact.conditions.friction import Coulomb, LinearLaw
+from skfem_contact.conditions.friction_rule import LinearBound
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.records import dataclass
-from skfem_contact.sealed import kept, sealed
+from skfem_contact.sealed import carried, kept, sealed
 
 # Least ratio of two coefficients of friction. Rows of slips are multiplied by it, and have to stay far
 # above GIVEN, below which a row counts as prescribed.
@@ -67,7 +67,7 @@ VECTORS = (
     ratio="write mu=(mu_1, mu_2)",
 )
 @dataclass(frozen=True, eq=False)
-class OrthotropicCoulomb(FrictionLaw):
+class OrthotropicCoulomb(LinearLaw):
     r"""Coulomb friction in space with other coefficients along a material direction than across it.
 
     Friction of a point lies within the ellipse ``(tau_1 / mu_1)^2 + (tau_2 / mu_2)^2 <= lambda^2``
@@ -148,11 +148,8 @@ class OrthotropicCoulomb(FrictionLaw):
     def is_linear(self) -> bool:
         return self._circle.is_linear
 
-    def limit(self, normal_force: Array, area: Array, slip: Array) -> Array:
-        return self._circle.limit(normal_force, area, slip)
-
-    def slope(self, normal_force: Array, area: Array, slip: Array) -> Array:
-        return self._circle.slope(normal_force, area, slip)
+    def by_pressure(self, area: Array) -> LinearBound:
+        return self._circle.by_pressure(area)
 
     @property
     def smaller(self) -> Array:

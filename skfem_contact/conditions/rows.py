@@ -16,15 +16,13 @@ from typing import Any
 import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix, diags
 
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, assembled, cross, entries
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.obstacles.rigid_body import RigidBody
+from skfem_contact.pairing.dual import MOVING_SHARE, held_rows
 from skfem_contact.pairing.node import Pairing
-from skfem_contact.pairing.supports import held_rows
-from skfem_contact.pairing.thresholds import MOVING_SHARE
-from skfem_contact.pairing.vectors import assembled, cross, entries
 from skfem_contact.records import dataclass
 
 

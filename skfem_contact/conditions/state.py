@@ -1,6 +1,4 @@
-"""`State`: what friction remembers from one load step to the next, and the status of contact points.
-
-`Identity` is what bodies and contacts it belongs to: two meshes may share all numbers of DOFs.
+"""The two ends of a load step: `LoadCase`, the loads in force, and `State`, what friction remembers.
 
 Slips and friction forces are remembered as vectors in global axes, because a frame is a matter of the
 pairing: its tangents are another choice wherever the pairing is renewed. The loops work with components
@@ -10,26 +8,19 @@ one to the other.
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Sequence
-from dataclasses import fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import field, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skfem_contact.arrays import Array, Index
-from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.member import Member
-from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.bodies.system import System
-from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.interface import contact_names
+from skfem_contact.arrays import Array, Index, Mask, largest
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.digits import COMPUTED, SOLVED
-from skfem_contact.errors import InputError
-from skfem_contact.obstacles.rigid_body import RigidBody
+from skfem_contact.digits import COMPUTED
+from skfem_contact.obstacles.obstacle import rotation_matrix, spin
 from skfem_contact.records import dataclass
+from skfem_contact.sealed import ByFields
 
 OPEN, STICK, SLIP = range(3)
 STATUS = ("open", "stick", "slip")
@@ -208,119 +199,190 @@ class State(_History):
 
 
 @dataclass(frozen=True, eq=False)
-class Identity:
-    """The parts of a problem that have to be the same for a state to be carried over.
-
-    Not in it: names, supports, loads, stiffness, friction and interference, which may change from one
-    part of a history to the next, and where rigid obstacles are.
+class Motion:
+    """Motion of a rigid obstacle since the start: a turn about a centre, then a translation.
 
     Attributes
     ----------
-    bodies, contacts : ndarray of str, shapes (b,) and (k,)
-        Names, for messages.
-    sizes, elements : ndarray, shape (b,)
-        DOFs of each body; a digest of the DOFs of its elements.
-    places : ndarray, shape (b, 3)
-        Two sums of coordinates with weights that differ from node to node, and the largest [length].
-    points, sides : ndarray, shape (k,)
-        Points of each contact; a digest of the DOFs on its two sides and of whether it slides far.
+    translation, centre : ndarray, shape (d,)
+        [length]
+    angle : float, or ndarray (3,) in space
+        Counterclockwise; a rotation vector [rad].
     """
 
-    bodies: NDArray[Any]
-    contacts: NDArray[Any]
-    sizes: Index
-    elements: NDArray[Any]
-    places: Array
-    points: Index
-    sides: NDArray[Any]
+    translation: Array
+    angle: Any
+    centre: Array
 
     @classmethod
-    def of(cls, system: System, contacts: Sequence[Contact]) -> Identity:
-        """Say that of some bodies and contacts; takes about as long as to read the meshes once."""
-        return cls(
-            bodies=np.array(system.names),
-            contacts=np.array(contact_names(tuple(contacts))),
-            sizes=np.array([body.n for body in system.bodies]),
-            elements=np.array([_elements(body) for body in system.bodies]),
-            places=np.array([_places(body.dof_points) for body in system.bodies]),
-            points=np.array([len(contact.secondary.points) for contact in contacts]),
-            sides=np.array([_sides(system, contact) for contact in contacts]),
+    def none(cls, d: int) -> Motion:
+        """No motion in d dimensions."""
+        return cls(np.zeros(d), np.zeros(3) if d == 3 else 0.0, np.zeros(d))
+
+    @property
+    def turns(self) -> bool:
+        """The motion is more than a translation."""
+        return bool(np.any(self.angle))
+
+    def towards(self, other: Motion, share: float) -> Motion:
+        """The motion on the straight way to another one: steady turn, steady path of its centre.
+
+        In space rotation vectors go straight: about a fixed axis that is a steady turn.
+        """
+        here = self.about(other.centre)
+        return Motion(
+            here.translation + share * (other.translation - here.translation),
+            here.angle + share * (other.angle - here.angle),
+            other.centre,
         )
 
-    def refuse(self, other: Identity, what: str) -> None:
-        """Raise an `InputError` that says what is another, where something is.
+    def about(self, centre: Array) -> Motion:
+        """The same motion as a turn about another centre."""
+        return Motion(self.shift(centre[None])[0], self.angle, centre)
 
-        Parameters
-        ----------
-        other : Identity
-            Of the state.
-        what : str
-            The state in words, the beginning of the message.
+    def slid(self, before: Motion, points: Array) -> Array:
+        """Return how far the obstacle's surface has moved along itself at points, (m, d).
+
+        Linear in the turn: over a point of contact the surface of a spinning roller passes with the
+        length of the arc. In space the turn is the spin on the way between both.
         """
-        words = self._difference(other)
-        if words:
-            raise InputError(
-                f"{what} {words}. A state can be carried over only between solvers of the same bodies "
-                "and contacts, in the same order; loads, supports, stiffness and friction may differ."
-            )
+        step = np.tile(self.translation - before.about(self.centre).translation, (len(points), 1))
+        turn = self.angle - before.angle
+        if not np.any(turn):
+            return step
+        arm = points - self.centre - self.translation
+        if np.ndim(turn):
+            return np.asarray(step + np.cross(spin(before.angle, self.angle), arm))
+        step += turn * np.column_stack([-arm[:, 1], arm[:, 0]])
+        return step
 
-    def _difference(self, other: Identity) -> str:
-        mine, theirs = (self.sizes.sum(), self.points.sum()), (other.sizes.sum(), other.points.sum())
-        counts = len(self.sizes), len(self.points)
-        if mine != theirs or counts != (len(other.sizes), len(other.points)):
-            return (
-                f"is a state of {theirs[0]} DOFs, {theirs[1]} contact points and {len(other.points)} "
-                f"contacts; this solver has {mine[0]}, {mine[1]} and {counts[1]}"
-            )
-        scale = np.max(self.places[:, 2], initial=0.0)
-        moved = np.any(np.abs(self.places - other.places) > SOLVED * scale, axis=1)
-        other_mesh = (self.sizes != other.sizes) | (self.elements != other.elements)
-        for i in np.flatnonzero(moved | other_mesh):
-            kind = "another mesh" if other_mesh[i] else "a mesh whose nodes are elsewhere"
-            return (
-                f"has the same counts, but belongs to {kind}: body {str(other.bodies[i])!r} there "
-                f"is not body {str(self.bodies[i])!r} here"
-            )
-        for i in np.flatnonzero((self.points != other.points) | (self.sides != other.sides)):
-            return (
-                f"belongs to the same meshes, but contact {str(other.contacts[i])!r} there is not "
-                f"contact {str(self.contacts[i])!r} here: it has other surfaces, or another sliding"
-            )
-        return ""
+    def shift(self, points: Array) -> Array:
+        """Displacement of the obstacle at some points, shape (m, d)."""
+        moved = np.tile(self.translation, (len(points), 1))
+        if self.turns:
+            moved += (points - self.centre) @ (rotation_matrix(self.angle).T - np.eye(len(self.centre)))
+        return moved
 
-    def as_arrays(self) -> dict[str, NDArray[Any]]:
-        """By name, for a file."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
+    def as_argument(self) -> tuple[Array, Any, Array]:
+        """In the form that obstacles take."""
+        return self.translation, self.angle, self.centre
 
 
-def digest(numbers: Any) -> str:
-    """A short name of some integers, equal on all machines.
+@dataclass(frozen=True, eq=False)
+class BoltLoads:
+    """What holds the bolts of a load case: either a shift or a force of each, NaN for the other.
 
-    >>> digest([1, 2]) == digest(np.array([1, 2], dtype=np.int32)), digest([1, 2]) == digest([2, 1])
-    (True, False)
+    Both are NaN where a step does not name the bolt, which is locked then.
+
+    Attributes
+    ----------
+    shift : ndarray, shape (b,)
+        By how much each bolt is drawn shorter than it was made [length].
+    force : ndarray, shape (b,)
+        [force]
+    applied : ndarray, shape (n,), or None
+        The load of the case without that of its bolts; None while that is not in it [force].
+    kept : ndarray of bool, shape (b,), or None
+        Bolts that the step does not name; None before it is known what holds them.
     """
-    array = np.ascontiguousarray(numbers, dtype="<i8")
-    return hashlib.blake2b(array.tobytes() + str(array.shape).encode(), digest_size=12).hexdigest()
+
+    shift: Array
+    force: Array
+    applied: Array | None = None
+    kept: Mask | None = None
+
+    @property
+    def given(self) -> Mask:
+        """Bolts that have a given force, (b,)."""
+        return ~np.isnan(self.force)
+
+    def towards(self, other: BoltLoads, share: float) -> BoltLoads:
+        """The same bolts on the straight way to other values."""
+        shift = self.shift + share * (other.shift - self.shift)
+        force = self.force + share * (other.force - self.force)
+        if self.applied is None or other.applied is None:
+            return BoltLoads(shift, force)
+        applied = self.applied + share * (other.applied - self.applied)
+        return BoltLoads(shift, force, applied, other.kept)
 
 
-def _elements(body: Member) -> str:
-    """A digest of the DOFs of a body's elements; a rigid body is one."""
-    return digest(body.basis.dofs.element_dofs if isinstance(body, Body) else np.arange(body.n))
+@dataclass(eq=False)
+class LoadCase(ByFields):
+    """The loads in force over all bodies and contact points.
 
+    What a step does not name stays as the step before left it, so that each follows from the last.
 
-def _places(points: Array) -> Array:
-    """Sums that any displacement of a node changes by about as much, told to round-off."""
-    number, along = np.arange(len(points)), points @ np.linspace(1.0, 0.6, points.shape[1])
-    return np.array([np.cos(number) @ along, np.sin(number) @ along, np.max(np.abs(points))])
+    Attributes
+    ----------
+    f, x : ndarray, shape (n,)
+        Load [force] and prescribed displacements [length].
+    gap0 : ndarray, shape (m,)
+        Initial gap less interference and obstacle motion [length].
+    slip0 : ndarray, shape (m, d-1)
+        Slip by obstacle motion alone [length].
+    interference : ndarray, shape (m,)
+        Already part of `gap0` [length].
+    motion : tuple of Motion
+        Of the primary side of every contact; zero for deformable bodies.
+    own : tuple of bool
+        Of which contacts the interference is the contact's own, and not that of a step.
+    scale : tuple of (float or None)
+        Of which multiple of the bodies' own f and x these are; None where they were named.
+    factor : float or None
+        The number of the load step, where it was one.
+    bolts : BoltLoads or None
+        What holds the bolts, where there are any.
+    fluid : dict of ndarray
+        Pressures on all facets of bodies, by their number: `f` has their load on the undeformed
+        boundary, and the deformed one another [stress].
+    """
 
+    f: Array
+    x: Array
+    gap0: Array
+    slip0: Array
+    interference: Array
+    motion: tuple[Motion, ...]
+    own: tuple[bool, ...] = ()
+    scale: tuple[float | None, float | None] = (None, None)
+    factor: float | None = None
+    bolts: BoltLoads | None = None
+    fluid: Mapping[int, Array] = field(default_factory=dict)
 
-def _sides(system: System, contact: Contact) -> str:
-    words: list[str] = [contact.sliding]
-    for surface in (contact.secondary, contact.primary):
-        if isinstance(surface, ContactSurface):
-            words.append(f"{digest(surface.dofs)} of body {system.index(surface.body)}")
-        elif isinstance(surface, RigidBody):
-            words.append(f"body {system.index(surface)}")
-        else:
-            words.append("rigid")
-    return ", ".join(words)
+    @property
+    def applied(self) -> Array:
+        """The load without that of bolts, (n,) [force]."""
+        bolts = self.bolts
+        return self.f if bolts is None or bolts.applied is None else bolts.applied
+
+    @cached_property
+    def largest_force(self) -> float:
+        """Largest entry of the load; asked for by all that tells forces from round-off [force]."""
+        return largest(np.abs(self.f))
+
+    def worn(self, depth: Array) -> LoadCase:
+        """The same loads with gaps that are wider by a depth worn off, (m,)."""
+        if not np.count_nonzero(depth):
+            return self
+        return replace(self, gap0=self.gap0 + depth, interference=self.interference - depth)
+
+    def towards(self, other: LoadCase, share: float) -> LoadCase:
+        """The load on the straight way from this one to another."""
+        if share == 1.0:
+            return other
+        gap0 = np.where(np.isinf(other.gap0), np.inf, self.gap0)
+        change = np.where(np.isinf(gap0), 0.0, other.gap0 - np.where(np.isinf(gap0), 0.0, gap0))
+        return LoadCase(
+            self.f + share * (other.f - self.f),
+            self.x + share * (other.x - self.x),
+            gap0 + share * change,
+            self.slip0 + share * (other.slip0 - self.slip0),
+            self.interference + share * (other.interference - self.interference),
+            tuple(a.towards(b, share) for a, b in zip(self.motion, other.motion, strict=True)),
+            other.own,
+            bolts=other.bolts and self.bolts and self.bolts.towards(other.bolts, share),
+            fluid={
+                i: np.asarray((1 - share) * self.fluid.get(i, 0.0) + share * other.fluid.get(i, 0.0))
+                for i in {*self.fluid, *other.fluid}
+            },
+        )

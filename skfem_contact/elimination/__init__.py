@@ -1,13 +1,12 @@
 """Constraints by elimination: ``C u = b`` becomes ``u = T u_r + c``.
 
 * `pivoting`, `constraint`: from rows to T;
-* `condensed_system`: the rows of contacts, and what solvers of scikit-fem take;
-* `thresholds`: numbers, and where they come from.
+* `condensed_system`: the rows of contacts, and what solvers of scikit-fem take.
 """
 
 from typing import TYPE_CHECKING
 
-from skfem_contact.entrances import entrances
+from skfem_contact.records import entrances
 
 if TYPE_CHECKING:
     from skfem_contact.elimination.condensed_system import ConstraintRows as ConstraintRows

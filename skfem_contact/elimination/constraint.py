@@ -38,10 +38,13 @@ from skfem_contact.arrays import (
     rectangular,
 )
 from skfem_contact.bodies.inputs import csr32
-from skfem_contact.elimination.pivoting import FloatArray, IntArray, find_pivots, row_maximum
-from skfem_contact.elimination.thresholds import AGREEMENT, SHOWN
+from skfem_contact.elimination.pivoting import AGREEMENT, FloatArray, IntArray, find_pivots, row_maximum
 from skfem_contact.errors import ConstraintError, InputError
 from skfem_contact.records import dataclass
+
+# How many rows, and of each how many that it contradicts, a message names.
+SHOWN = 4
+
 
 Labels = Sequence[str] | Callable[[int], str] | None
 

@@ -10,7 +10,6 @@
 * `neutral_equilibrium`, `equilibrium`: bodies whose place nothing decides; the answer, or
   why there is none;
 * `solve_step`: from a load case to a result;
-* `gradients`: derivatives of histories; `damping`: histories along the inertia forces of a mode;
 * `checkpoint`: states on disk;
 * `solver`: what a solver is made of, other solvers that are made of it, and load steps: what users
   hold; `dry_run`: what it says before it solves, and while;
@@ -18,13 +17,13 @@
 
 from typing import TYPE_CHECKING
 
-from skfem_contact.entrances import entrances
+from skfem_contact.records import entrances
 
 if TYPE_CHECKING:
+    from skfem_contact.answers.tangent.derivatives import Gradient as Gradient
+    from skfem_contact.answers.tangent.derivatives import Jacobian as Jacobian
+    from skfem_contact.answers.tangent.modes import Damping as Damping
     from skfem_contact.history.checkpoint import SavedState as SavedState
-    from skfem_contact.history.damping import Damping as Damping
-    from skfem_contact.history.gradients import Gradient as Gradient
-    from skfem_contact.history.gradients import Jacobian as Jacobian
 
 __all__ = ["Damping", "Gradient", "Jacobian", "SavedState"]
 
@@ -33,8 +32,8 @@ __getattr__, __dir__ = entrances(
     __all__,
     {
         "checkpoint": "SavedState",
-        "damping": "Damping",
-        "gradients": "Gradient Jacobian",
+        ".answers.tangent.modes": "Damping",
+        ".answers.tangent.derivatives": "Gradient Jacobian",
         "load_step": "recover_all",
         "neutral_equilibrium": "nearest",
         "stepping": "Bisection grown",

@@ -13,8 +13,8 @@ import numpy as np
 from skfem_contact.answers.answer import Answer
 from skfem_contact.arguments import file_path
 from skfem_contact.arrays import Array
-from skfem_contact.conditions.loads import LoadCase, Motion
-from skfem_contact.conditions.state import Identity, State
+from skfem_contact.conditions.interface import Identity
+from skfem_contact.conditions.state import LoadCase, Motion, State
 from skfem_contact.errors import InputError, warn
 from skfem_contact.records import dataclass
 

@@ -18,7 +18,7 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.friction_rule import steep_words
+from skfem_contact.conditions.friction import steep_words
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics

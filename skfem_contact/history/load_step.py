@@ -16,15 +16,14 @@ from skfem_contact.arrays import Array, lengths
 from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.state import LocalState, State
+from skfem_contact.conditions.state import LoadCase, LocalState, State
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.driver import Outcome
 from skfem_contact.loops.step import Record
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.model import LinearModel
-from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.seam import ContactProblem, Load, Response, Source, Workspace
+from skfem_contact.problem.points import Load, PointSpace, Response
+from skfem_contact.problem.seam import ContactProblem, Source, Workspace
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import sealed
 

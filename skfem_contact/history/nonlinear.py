@@ -34,27 +34,20 @@ import numpy as np
 
 from skfem_contact.answers.placed import Iteration, Placed, point_forces
 from skfem_contact.arrays import Array, largest
-from skfem_contact.carried import copied
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.state import LoadCase
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError, MaterialError
-from skfem_contact.history.equilibrium import (
-    ARRIVED,
-    CORNERS,
-    EquilibriumSearch,
-    Verdict,
-    has_corners,
-)
+from skfem_contact.history.equilibrium import ARRIVED, CORNERS, EquilibriumSearch, Verdict, has_corners
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.refined import ROUGH, UNSOLVED, holds, refined, remarks, usable
 from skfem_contact.history.stepper import NOISE, Stepper
 from skfem_contact.history.stepping import AIM, FAR, LONGER, SHORTER, Bisection, settled, travelled
 from skfem_contact.linalg.krylov import Anderson
-from skfem_contact.loops.step import DECREASE, HALVINGS
+from skfem_contact.loops.active_set import DECREASE, HALVINGS
 from skfem_contact.problem.seam import Workspace
 from skfem_contact.records import dataclass
-from skfem_contact.sealed import sealed
+from skfem_contact.sealed import copied, sealed
 
 if TYPE_CHECKING:
     from skfem_contact.history.equilibrium import Known
@@ -90,7 +83,8 @@ class NoAnswer(Exception):
     ) -> None:
         super().__init__(why)
         self.verdict = Verdict(advice=NO_DESCENT) if verdict is None else verdict
-        self.attempt = attempt
+        self.attempt, self.travel = attempt, 0.0 if attempt is None else attempt.travel
+        self.stopped = attempt is not None and attempt.stopped
 
 
 class Reached(NamedTuple):
@@ -163,18 +157,16 @@ class NonlinearSearch:
         parts = Bisection(options.max_cuts, SHORTER**options.max_cuts)
         part = self.step
         while True:
-            if parts.share < 1.0:
-                part = parts.of(self.step, part)
+            part = parts.of(self.step, part)
             try:
                 attempt = self._newton(part, parts.aim)
             except NoAnswer as none:
-                travel = 0.0 if none.attempt is None else none.attempt.travel
-                if parts.spent or (none.attempt is not None and none.attempt.stopped):
+                if parts.spent or none.stopped:
                     return self._refused(none, parts.done)
                 way.cuts += 1
                 # what slides too far in equal parts, as few as may be
-                parts.cut(AIM * np.ceil(travel / AIM) if travel > 1.0 else travel)
-                if travel > 1.0 and self._reached is not None:  # too far, but on the way
+                parts.cut(AIM * np.ceil(none.travel / AIM) if none.travel > 1.0 else 0.0)
+                if none.travel > 1.0 and self._reached is not None:  # too far, but on the way
                     trend = sealed((self._reached.u - self.placed.u) / part.share)
                     self.placed = replace(self.placed, trend=trend)
                 logger.info("step cut to %.4g of its size: %s", parts.share, none)
@@ -190,7 +182,7 @@ class NonlinearSearch:
     def _newton(self, part: LoadStep, aim: float) -> Attempt:
         """Solve one part of the load step; only where it arrives is `placed` another."""
         options, base = self.stepper.options, self.stepper.model
-        now, on, own = self._forecast(part), None, None
+        now, own = self._forecast(part), None
         step, secant = replace(part, pairing=self._pairing(part, now.placed.u)), Anderson()
         exact, closing, shift, left, most = True, False, 0.0, np.inf, 0.0
         for number in range(1, options.max_placements + 1):
@@ -199,51 +191,45 @@ class NonlinearSearch:
                 there = self._stepped(part.target, now, attempt, u)
             except NoAnswer as none:
                 stiffer = [share for share in SHIFTS if share > shift]
-                if not stiffer or (none.attempt is not None and none.attempt.stopped):
+                if not stiffer or none.stopped:
                     raise
                 exact, shift = True, stiffer[0]
                 continue
             nearer, left = there.share == 1.0 and there.norm < left, there.norm
             now, u, shift = there, there.placed.u, min(shift, SHIFTS[0])
             most = max(most, now.norm)
-            contact, on = len(attempt.outcome.trace), step.pairing
+            contact = len(attempt.outcome.trace)
             self.newton.append(Iteration(number, aim, now.most / now.scale, now.share, contact))
             logger.debug("%s", self.newton[-1])
             balanced = now.share == 1.0 and now.most <= now.limit and holds(attempt, u)
             self._reached, self.advance.attempt = now.placed, attempt
-            attempt, own = self._judged(step, attempt, u, FAR if number == 1 else 1.0)
+            attempt, own = self._judged(step, attempt, u, FAR if number == 1 else 1.0, balanced)
             self.advance.attempt = attempt
             if balanced and attempt.good:
-                if not self._stretched(on, own, attempt):
-                    self._arrive(part, attempt, now.placed)
-                    return attempt
-                now, step = now._replace(norm=most), replace(step, pairing=own)
+                self._come_to(attempt, part.target, now.placed, part.share)
+                self.remarks = remarks(attempt, now.placed)
+                return attempt
             # a pairing that has settled stays, and Newton's method is quick again; so does one on which
             # bodies have yet to come nearer: nothing bounds what is left where both change
-            elif own is not None and attempt.failure and (nearer or balanced):
+            at, dofs = attempt.problem.u, base.geometry.surface_dofs
+            if at is not None and attempt.failure and (nearer or balanced):
                 # residuals on two pairings are two things: no smaller one is asked for, but none that
                 # is larger than all before: without this a ball deep in a block ran away
-                now = now._replace(norm=most)
-                step = self._next(step, u, own, secant)
+                now, ahead = now._replace(norm=most), np.array(u)
+                ahead[dofs] = secant.next(at[dofs], u[dofs])
+                step = replace(step, pairing=self._pairing(step, ahead) if secant.active else own)
             closing = closing or balanced  # contact alone is left, and is solved to its end from now on
             exact, step = closing, replace(step, known=attempt.state)
-        raise self._unsettled(now, on, own)
+        raise self._unsettled(now, own)
 
-    def _stretched(self, on: Pairing, own: Pairing, attempt: Attempt) -> bool:
-        """Return whether areas, and the laws and pressures by them, are not those of the answer yet."""
-        if on is None or own is None:
-            return False
-        change = self.stepper.model.geometry.stretched(on[0], own[0], attempt.local)
-        return change > self.stepper.options.placement_tolerance
-
-    def _unsettled(self, now: Reached, on: Pairing, own: Pairing) -> NoAnswer:
+    def _unsettled(self, now: Reached, own: Pairing) -> NoAnswer:
         """No answer after all iterates; where pairings lead to each other the point is named."""
         model, options, attempt = self.stepper.model, self.stepper.options, self.advance.attempt
-        left = f"{now.most / now.scale:.1e} of the largest force"
-        why = f"{options.max_placements} iterates left {left}"
-        if on is None or own is None or attempt.mismatch <= options.placement_tolerance:
+        why = f"{options.max_placements} iterates left {now.most / now.scale:.1e} of the largest force"
+        if own is None or attempt.mismatch <= options.placement_tolerance:
             return NoAnswer(why)
-        interface, point = model.interface, model.geometry.least_settled(on[0], own[0], attempt.local)
+        both = attempt.problem.kin, own[0], attempt.local
+        interface, point = model.interface, model.geometry.least_settled(*both)
         corners = has_corners(interface.contacts[interface.contact_of(point)])
         why += f"; {interface.point_words(point, own[0].points[point])} meets another partner"
         return NoAnswer(why, Verdict(advice=CORNERS) if corners else None)
@@ -257,31 +243,25 @@ class NonlinearSearch:
         before = None if step.pairing is None else step.pairing[0]
         return geometry.at(u, step.target, before), u
 
-    def _next(self, step: LoadStep, u: Array, own: Pairing, secant: Anderson) -> LoadStep:
-        """The step on another pairing: where secants lead from those of the last answers."""
-        assert step.pairing is not None
-        dofs = self.stepper.model.geometry.surface_dofs
-        ahead = np.array(u)
-        ahead[dofs] = secant.next(step.pairing[1][dofs], u[dofs])
-        return replace(step, pairing=self._pairing(step, ahead) if secant.active else own)
-
     def _judged(
-        self, step: LoadStep, attempt: Attempt, u: Array, far: float
+        self, step: LoadStep, attempt: Attempt, u: Array, far: float, balanced: bool
     ) -> tuple[Attempt, Pairing]:
         """The attempt beside the pairing of its own answer, where contact slides far; that pairing."""
         by, geometry = self.stepper, self.stepper.model.geometry
         if step.pairing is None:
             return attempt, None
-        attempt = travelled(by, attempt, far)
-        if attempt.failure:
-            raise NoAnswer(attempt.failure, attempt=attempt)
-        own = self._pairing(step, u)
-        assert own is not None
-        mismatch = geometry.mismatch(step.pairing[0], own[0], attempt.local, by.barred)
-        if mismatch > by.options.placement_tolerance:
-            failure = f"the pairing moves by {mismatch:.1e}"
-            return replace(attempt, mismatch=mismatch, failure=failure), own
-        attempt = settled(by, attempt, own[0], mismatch)
+        attempt, own = travelled(by, attempt, far), None
+        if not attempt.failure:
+            own = self._pairing(step, u)
+            assert own is not None
+            both = attempt.problem.kin, own[0], attempt.local
+            mismatch = geometry.mismatch(*both, by.barred)
+            if balanced:  # areas too are to be those of the answer: laws and pressures are by them
+                mismatch = max(mismatch, geometry.stretched(*both))
+            if mismatch > by.options.placement_tolerance:
+                failure = f"the pairing moves by {mismatch:.1e}"
+                return replace(attempt, mismatch=mismatch, failure=failure), own
+            attempt = settled(by, attempt, own[0], mismatch)
         if attempt.failure:
             raise NoAnswer(attempt.failure, attempt=attempt)
         return attempt, own
@@ -390,25 +370,23 @@ class NonlinearSearch:
         norm, most = float(np.linalg.norm(missing)), float(np.max(np.abs(missing)))
         return Reached(placed, forces, share, norm, most, limit, scale)
 
-    def _arrive(self, part: LoadStep, attempt: Attempt, there: Placed) -> None:
-        """Take a part of the step as it was found; from here on the bodies remember it."""
+    def _come_to(self, attempt: Attempt, case: LoadCase, there: Placed, share: float) -> None:
+        """Take what was found of a part of the step: from here on the bodies remember it."""
         light = self.stepper.model.with_tangents(there.stiffness)  # condensed only if asked for
-        found = Recovery.of(attempt)
-        self.recovery = replace(found, model=light, components=None, u=there.u)
-        self.advance.attempt = replace(attempt, case=part.target)
-        self.remarks = remarks(attempt, there)
-        trend = sealed((there.u - self.placed.u) / part.share)
-        self.placed = replace(there, trend=trend)
+        self.recovery = replace(Recovery.of(attempt), model=light, components=None, u=there.u)
+        self.advance.attempt = replace(attempt, case=case)
+        self.placed = replace(there, trend=sealed((there.u - self.placed.u) / share))
 
     def _refused(self, none: NoAnswer, share: float) -> Verdict:
         """Why there is no answer, with the share of the step that was reached."""
         attempt = vars(self.advance).get("attempt")
         if attempt is not None:
-            self.placed = self._reached or self.placed
-            self.recovery = replace(Recovery.of(attempt), u=self.placed.u)
-            self.advance.attempt = replace(attempt, failure=str(none), case=self.step.target)
-        carries = f"The bodies bear up to {share:.4g} of this step" + _load(self.step, share) + ". "
-        return replace(none.verdict, carries=carries, reached=attempt is not None)
+            failed = replace(attempt, failure=str(none))
+            self._come_to(failed, self.step.target, self._reached or self.placed, 1.0)
+        carries, before = f"The bodies bear up to {share:.4g} of this step", self.step.before.scale[0]
+        if before is not None and (target := self.step.target.factor) is not None:
+            carries += f" (a load factor of {before + share * (target - before):.4g})"
+        return replace(none.verdict, carries=carries + ". ", reached=attempt is not None)
 
 
 def _work(part: LoadStep, kin: Kinematics, trend: Array) -> float:
@@ -418,14 +396,6 @@ def _work(part: LoadStep, kin: Kinematics, trend: Array) -> float:
     pushed = (before.gap0[pressed] - target.gap0[pressed]) @ state.normal_force[pressed]
     rubbed = np.vdot((target.slip0 - before.slip0)[pressed], state.tangential_force[pressed])
     return float((target.f - before.f) @ trend + pushed + rubbed)
-
-
-def _load(step: LoadStep, share: float) -> str:
-    """The load factor at a share of a step, in words, where both ends have one."""
-    before, target = step.before.scale[0], step.target.factor
-    if target is None or before is None:
-        return ""
-    return f" (a load factor of {before + share * (target - before):.4g})"
 
 
 WEAR = (

@@ -18,14 +18,14 @@ from skfem_contact.arguments import number, numbers, shown, suggest
 from skfem_contact.arrays import Array, check_finite, check_size, same
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System, slices
-from skfem_contact.carried import copied
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import point_slices
-from skfem_contact.conditions.loads import BoltLoads, LoadCase, Motion
+from skfem_contact.conditions.state import BoltLoads, LoadCase, Motion
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import read_motion
 from skfem_contact.obstacles.rigid_body import RigidBody
+from skfem_contact.sealed import copied
 
 KEYS = ("f", "x", "interference", "motion", "bolt")
 

@@ -19,14 +19,14 @@ from skfem_contact.answers.validity.validity import A_TENTH
 from skfem_contact.arrays import Array, largest
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.carried import copied
 from skfem_contact.conditions.discretisation import pair
-from skfem_contact.conditions.state import OPEN, STICK, LocalState
+from skfem_contact.conditions.friction_rule import friction_bound
+from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import ContactError, LinearSolveError, SingularMatrix
 from skfem_contact.history.load_step import Attempt, Recovery
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
-from skfem_contact.problem.seam import Response
+from skfem_contact.sealed import copied
 
 #: Routes whose linear problems are iterated.
 ROUGH = "iterated", "multigrid"
@@ -40,7 +40,7 @@ UNSTABLE = (
     "disturbance: a load of a millionth of the others, or nodes that are moved by as little."
 )
 TURNED = (
-    "The surfaces of contact '{}' have turned by {:.2g} rad, and sliding=\"small\" keeps contact as it "
+    "The surfaces of contact '{}' have {}, and sliding=\"small\" keeps contact as it "
     "is on the undeformed ones: gaps, normals and areas are those of before. Say "
     'Contact(..., sliding="finite") for contact on the deformed surfaces.'
 )
@@ -54,24 +54,19 @@ def refined(attempt: Attempt, u: Array, at: Placed) -> tuple[Attempt, Array]:
     with the same points closed (iterative refinement); where the linear problem itself was iterated,
     with the forces that are missing to its equilibrium as well.
     """
-    problem, it, rough = attempt.problem, attempt.outcome.iterate, attempt.model.route in ROUGH
-    answer, given = it.response, it.conditions
-    by_forces = rough or problem.source(attempt.load, answer).forces
-    if problem.springs is not None or not by_forces:
+    problem, rough = attempt.problem, attempt.model.route in ROUGH
+    answer, given = attempt.outcome.iterate.response, attempt.outcome.iterate.conditions
+    if problem.springs is not None or not (rough or problem.source(attempt.load, answer).forces):
         return attempt, u
     kin, f = problem.kin, np.zeros(len(u))
     if rough:
-        f = attempt.case.f - at.resisting(attempt.model.system, u) + point_forces(kin, attempt.local)
+        f = attempt.case.f - at.internal - block_diag(at.stiffness) @ (u - at.u)
+        f += point_forces(kin, attempt.local)
         f[attempt.model.system.D] = 0.0
-    slip = (kin.B_t @ u).reshape(answer.slip.shape) + attempt.seen.slip0
+    gap = kin.B_n @ u + attempt.seen.gap0
+    slip = (kin.B_t @ u).reshape(answer.slip.shape) + attempt.seen.slip0 - given.anchor
     law = given.offset + given.coupling * answer.normal_force[:, None] - answer.tangential_force
-    case = copied(
-        attempt.seen,
-        f=f,
-        x=np.zeros(len(u)),
-        gap0=kin.B_n @ u + attempt.seen.gap0,
-        slip0=slip - given.anchor,
-    )
+    case = copied(attempt.seen, f=f, x=np.zeros(len(u)), gap0=gap, slip0=slip)
     load = problem.load(case)
     conditions = replace(given, anchor=np.zeros(slip.shape), offset=law, rough=False)
     try:
@@ -80,7 +75,20 @@ def refined(attempt: Attempt, u: Array, at: Placed) -> tuple[Attempt, Array]:
         return attempt, u
     more = replace(Recovery.of(attempt), found=problem.source(load, left), components=load.components)
     du = replace(more, case=case, shift=None)()
-    return replace(attempt, local=_moved(attempt, left, du)), u + du
+    local, dofs = attempt.local, attempt.model.geometry.surface_dofs
+    closed = local.status != OPEN
+    modelled = attempt.model.interface.slipping[:, None]  # of others slips are no unknowns
+    slip = local.slip + np.where(modelled, left.slip + given.anchor - answer.slip, 0.0)
+    local = replace(
+        local,
+        gap=np.where(closed, local.gap, left.gap),
+        slip=slip,
+        reference=np.where(closed[:, None], local.reference, slip),
+        normal_force=local.normal_force + np.where(closed, left.normal_force, 0.0),
+        tangential_force=local.tangential_force + np.where(closed[:, None], left.tangential_force, 0.0),
+        surface=local.surface + du[dofs] if len(local.surface) else local.surface,
+    )
+    return replace(attempt, local=local), u + du
 
 
 def usable(attempt: Attempt, u: Array) -> bool:
@@ -89,9 +97,8 @@ def usable(attempt: Attempt, u: Array) -> bool:
     They follow from matrices that may have no digits, where bodies flow or buckle. What is seen
     through springs comes to its place by and by, in the iterates that follow.
     """
-    if not np.all(np.isfinite(u)):
-        return False
-    return not attempt.outcome.converged or attempt.problem.springs is not None or holds(attempt, u)
+    ends = attempt.outcome.converged and attempt.problem.springs is None
+    return bool(np.isfinite(u).all()) and (not ends or holds(attempt, u))
 
 
 def holds(attempt: Attempt, u: Array) -> bool:
@@ -104,25 +111,6 @@ def holds(attempt: Attempt, u: Array) -> bool:
     return largest(np.abs(wrong)) <= SOLVED * max(attempt.model.system.extent, largest(np.abs(u)))
 
 
-def _moved(attempt: Attempt, left: Response, du: Array) -> LocalState:
-    """The state of an attempt after what was left has been solved for as well."""
-    local, it = attempt.local, attempt.outcome.iterate
-    closed, dofs = local.status != OPEN, attempt.model.geometry.surface_dofs
-    modelled = attempt.model.interface.slipping[:, None]  # of others slips are no unknowns
-    slip = left.slip + it.conditions.anchor - it.response.slip
-    slip = local.slip + np.where(modelled, slip, 0.0)
-    surface = local.surface + du[dofs] if len(local.surface) else local.surface
-    return replace(
-        local,
-        gap=np.where(closed, local.gap, left.gap),
-        slip=slip,
-        reference=np.where(closed[:, None], local.reference, slip),
-        normal_force=local.normal_force + np.where(closed, left.normal_force, 0.0),
-        tangential_force=local.tangential_force + np.where(closed[:, None], left.tangential_force, 0.0),
-        surface=surface,
-    )
-
-
 def remarks(attempt: Attempt, placed: Placed) -> dict[str, str]:
     """Return what is to be said, in words, by what it is about: each is said once in a history."""
     found = {}
@@ -130,9 +118,12 @@ def remarks(attempt: Attempt, placed: Placed) -> dict[str, str]:
         found["unstable"] = UNSTABLE
     names = attempt.model.interface.contacts
     for i, contact in enumerate(names):
-        angle = turned(attempt, placed, i)
+        angle, change = turned(attempt, placed, i), stretched(attempt, placed, i)
         if angle > A_TENTH:
-            found[f"turned {i}"] = TURNED.format(contact.name or i + 1, angle)
+            found[f"turned {i}"] = TURNED.format(contact.name or i + 1, f"turned by {angle:.2g} rad")
+        if abs(change) > A_TENTH:
+            how = f"changed their area, and friction by stress with it by {100 * change:+.2g} %"
+            found[f"stretched {i}"] = TURNED.format(contact.name or i + 1, how)
     return found
 
 
@@ -185,3 +176,23 @@ def turned(attempt: Attempt, placed: Placed, i: int) -> float:
     both = presses & np.isfinite(there.gap)
     along = np.einsum("id,id->i", there.normal, attempt.problem.kin.normal[part])[both]
     return float(np.max(np.arccos(np.clip(along, -1.0, 1.0)), initial=0.0))
+
+
+def stretched(attempt: Attempt, placed: Placed, i: int) -> float:
+    """By which part friction would be larger on the deformed area, under small sliding.
+
+    Of bodies of finite strain, by what facets that press have grown: laws by stress take the area
+    before, as pressures do.
+    """
+    model = attempt.model
+    contact, part = model.interface.contacts[i], model.interface.point_slices[i]
+    side, local, laws = contact.secondary, attempt.local, model.interface.laws
+    follows = contact.sliding != "small" or not getattr(side.body, "finite_strain", False)
+    bound = 0.0 if follows or contact.friction is None else friction_bound(laws, local)[part].sum()
+    if not bound > 0:
+        return 0.0
+    own = (local.normal_force[part] != 0)[side.facets].any(axis=1)
+    moved = side.moved(placed.u[model.system.slice(side.body)])
+    before, now = (float(on.shares[own].sum()) for on in (side, moved))
+    grown = replace(local, area=local.area * (now / before if before > 0 else 1.0))
+    return float(friction_bound(laws, grown)[part].sum() / bound - 1.0)

@@ -24,11 +24,10 @@ from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.validity.assess import Watch
 from skfem_contact.answers.validity.validity import Issued
 from skfem_contact.arguments import check_kind
-from skfem_contact.arrays import Array, Mask
+from skfem_contact.arrays import Array, Mask, cross
 from skfem_contact.assemblies.bolt import Bolts
-from skfem_contact.carried import ByFields
 from skfem_contact.conditions.checks import check_loads
-from skfem_contact.conditions.loads import LoadCase
+from skfem_contact.conditions.state import LoadCase
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError, LinearSolveError, SingularMatrix, warn
 from skfem_contact.history.equilibrium import EquilibriumSearch, Verdict
@@ -40,10 +39,9 @@ from skfem_contact.loops.driver import NOTHING_HOLDS, converged_words
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.rigid_body import RigidBody
-from skfem_contact.once import once
-from skfem_contact.pairing.vectors import cross
 from skfem_contact.problem.seam import Workspace
-from skfem_contact.records import dataclass
+from skfem_contact.records import dataclass, once
+from skfem_contact.sealed import ByFields
 
 if TYPE_CHECKING:
     from skfem_contact.history.checkpoint import SavedState

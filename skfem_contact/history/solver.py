@@ -35,14 +35,13 @@ from skfem_contact.bodies.inputs import Loads
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import stack
-from skfem_contact.carried import carried
 from skfem_contact.conditions.checks import check_passes, warn_unfelt_wear
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import contact_names, interface
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import rigid_motions
+from skfem_contact.conditions.state import LoadCase
 from skfem_contact.errors import InputError, LinearSolveError
 from skfem_contact.history.load_step import recover_all
 from skfem_contact.history.read import KEYS, PartialResults, StepReader
@@ -55,14 +54,14 @@ from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.substructure import Substructure
-from skfem_contact.sealed import sealed
+from skfem_contact.records import Lock
+from skfem_contact.sealed import carried, sealed
 
 if TYPE_CHECKING:
-    from skfem_contact.answers.tangent.modes import Modes
+    from skfem_contact.answers.tangent.derivatives import Gradient, Jacobian
+    from skfem_contact.answers.tangent.modes import Damping, Modes
     from skfem_contact.history.checkpoint import SavedState
-    from skfem_contact.history.damping import Damping
     from skfem_contact.history.equilibrium import Known
-    from skfem_contact.history.gradients import Gradient, Jacobian
     from skfem_contact.problem.model import AnyBodies
 
 S = TypeVar("S", bound="ProblemSetup")
@@ -117,7 +116,7 @@ class ProblemSetup(NamesAttributes):
                 self.system.index(surface if isinstance(surface, RigidBody) else surface.body)
         self.geometry = Geometry(self.system, self.contacts)
         self.kin = self.geometry.kin
-        self._reader = self._new_reader()
+        self._reader, self._lock = self._new_reader(), Lock()
         self.timings = {"setup": 0.0}
         self._set_stiffness()
         self.timings["setup"] = time.perf_counter() - start
@@ -185,10 +184,11 @@ class ProblemSetup(NamesAttributes):
 
     def _expect(self, steps: float) -> None:
         """Let more load steps be known before they come: how many there are decides on the route."""
-        model = self.linear_model.expecting(steps)
-        if model is not self.linear_model:
-            self.linear_model = model
-            self._answering = self._new_step_solver()
+        with self._lock:
+            model = self.linear_model.expecting(steps)
+            if model is not self.linear_model:
+                self.linear_model = model
+                self._answering = self._new_step_solver()
 
     def _answered(self, target: LoadCase, before: Known, known: Known, *how: Any) -> Answer:
         """The answer to the next load step; by factors where multigrid has few digits or no end."""
@@ -757,7 +757,7 @@ class ContactSolver(Variants):
         ContactWarning
             A loop did not close.
         """
-        from skfem_contact.history.damping import damping
+        from skfem_contact.answers.tangent.modes import damping
 
         return damping(self, result, modes, amplitudes, mode, steps, cycles)
 
@@ -814,9 +814,9 @@ class ContactSolver(Variants):
         >>> f"{found.value:.6f}, {found.parts[0]:.6f}"
         '0.000100, -0.020000'
         """
-        from skfem_contact.history.gradients import gradient
+        from skfem_contact.answers.tangent.derivatives import gradient
 
-        return gradient(lambda: self.history(steps, start=start), objective, by)
+        return gradient(lambda: self.history(steps, start=start), objective, by, self.recover)
 
     @known_keywords(**OF_SOLVER)
     def jacobian(
@@ -853,9 +853,9 @@ class ContactSolver(Variants):
         InputError
             There is no derivative; the message says why.
         """
-        from skfem_contact.history.gradients import jacobian
+        from skfem_contact.answers.tangent.derivatives import jacobian
 
-        return jacobian(lambda: self.history(steps, start=start), observe, by, side)
+        return jacobian(lambda: self.history(steps, start=start), observe, by, side, self.recover)
 
     @known_keywords()
     def save_state(self, path: str | Path, result: ContactResult | SavedState) -> Path:

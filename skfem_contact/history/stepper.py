@@ -10,15 +10,14 @@ from scipy.linalg import qr
 from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.arrays import Array, Mask
-from skfem_contact.carried import ByFields
 from skfem_contact.conditions.friction import Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule, jumps_open
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import balanced
-from skfem_contact.conditions.state import OPEN, LocalState, State
+from skfem_contact.conditions.state import OPEN, LoadCase, LocalState, State
 from skfem_contact.errors import ConstraintError
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.loops.active_set import friction_of_prescribed_slip
 from skfem_contact.loops.driver import LOOPS, Options, Outcome, drive
 from skfem_contact.loops.multipliers import Collision
 from skfem_contact.loops.starts import (
@@ -26,10 +25,12 @@ from skfem_contact.loops.starts import (
     possible_starts,
     starting_values,
 )
-from skfem_contact.loops.step import Step, friction_of_prescribed_slip
+from skfem_contact.loops.step import Step
 from skfem_contact.problem.model import LinearModel
-from skfem_contact.problem.seam import ContactProblem, Load
+from skfem_contact.problem.points import Load
+from skfem_contact.problem.seam import ContactProblem
 from skfem_contact.records import dataclass
+from skfem_contact.sealed import ByFields
 
 # Round-off of contact forces over the terms that cancel where nothing presses.
 NOISE = 10 * float(np.finfo(float).eps)

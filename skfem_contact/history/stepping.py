@@ -105,6 +105,8 @@ class Bisection:
 
     def of(self, step: LoadStep, part: LoadStep) -> LoadStep:
         """The part of a step that is attempted next, which begins where `part` does."""
+        if self.share == 1.0:  # the whole step
+            return part
         target = step.before.towards(step.target, self.aim)
         return replace(part, target=target, share=self.aim - self.done)
 
@@ -136,8 +138,7 @@ def advance(
     freed: Attempt | None = None  # of pivoting, which has left a motion free
     while True:
         aim = parts.aim
-        if parts.share < 1.0:
-            part = parts.of(step, part)
+        part = parts.of(step, part)
         attempt = _first_held(by, part, starts)
         if attempt is None:
             return so_far

@@ -13,7 +13,7 @@
 
 from typing import TYPE_CHECKING
 
-from skfem_contact.entrances import entrances
+from skfem_contact.records import entrances
 
 if TYPE_CHECKING:
     from skfem_contact.linalg.amg import AMG as AMG

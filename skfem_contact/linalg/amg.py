@@ -10,11 +10,12 @@ import numpy as np
 import scipy.sparse as sp
 from pyamg import smoothed_aggregation_solver
 from pyamg.relaxation.relaxation import gauss_seidel
+from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.arguments import with_known_keywords
 from skfem_contact.errors import LinearSolveError
 from skfem_contact.linalg.backend import Backend, Factorisation, by_column
-from skfem_contact.linalg.krylov import gmres
+from skfem_contact.linalg.krylov import divided, gmres, sizes_of_parts
 from skfem_contact.linalg.singular import check_diagonal
 
 
@@ -26,7 +27,8 @@ class AMG(Backend):
     Parameters
     ----------
     tol : float
-        Largest ``|b - A x| / |b|`` accepted.
+        Largest ``|b - A x| / |b|`` accepted, and of each part of the equations that no entry of A
+        couples with the others.
     max_iterations : int
         More raise `LinearSolveError`. Well posed problems need 10 to 60.
 
@@ -66,9 +68,13 @@ class AMG(Backend):
         # slipping rows of the loop newton make A unsymmetric; its symmetric part preconditions it
         grids = hierarchy(A if spd else sp.csr_matrix(0.5 * (A + A.T)), modes)
         method = conjugate_gradients if spd else _gmres
+        part = connected_components(A, directed=False)[1]
 
         def solve(b: np.ndarray) -> np.ndarray:
-            return method(A, b, grids.cycle, self.tol, self.max_iterations)
+            sizes = sizes_of_parts(part, b)
+            b = divided(b, sizes)
+            tol = self.tol / max(float(np.linalg.norm(b)), 1.0)  # of which it is a share
+            return np.asarray(sizes * method(A, b, grids.cycle, tol, self.max_iterations))
 
         return Factorisation("AMG + CG" if spd else "AMG + GMRES", grids.memory, by_column(solve))
 

@@ -1,20 +1,26 @@
-"""The loops: solve for a set of statuses, let the answer correct the set.
+r"""The active set: what a state asks its points to change to, and the linear conditions of a set.
 
-``newton``      semismooth Newton: the friction force of a slipping point follows the normal force
-                within the linear solve.
-``direct``      [M] fig. 4b: a slipping point carries the friction force of the last iterate as a load.
-``fictitious``  [M] fig. 4a, an initial-stress method: every closed point keeps its spring, and what a
-                friction force exceeds its limit by returns as a load. One factorisation serves as long
-                as the set of closed points does not change.
+Signorini's conditions and the friction law are one projection (Alart and Curnier, 1991).
+With each point's own resistance rho against being moved, a state of gaps, slips and forces satisfies
+both where, point by point,
 
-A loop is a generator of iterates. It solves one load step: which points are closed, which of them
-slip, and how large the friction forces are. It yields every iterate with a record and never stops by
-itself except when it has converged; one driver (`skfem_contact.loops.driver`) counts, logs, stops and
-raises. Loops keep nothing between calls.
+    lambda = max(a, 0),                       a = lambda - rho_n g,
+    tau = P(t) if a > 0, else 0,              t = tau + rho_t (s - s_n),
 
-All reach the same solution. Open and closed points change by the same rule: a closed point in tension
-opens, an open one that penetrates closes. How far an iteration goes is told by `LineSearch`. The
-tangential stiffness that each loop needs is `STIFFNESS` of `skfem_contact.conditions.interface`.
+with P the return map of the friction law under the normal force a. Any positive rho will do: it only
+says how gaps and slips count beside forces. A point with a finite tangential stiffness G has its
+elastic trial force ``t = tau_n + G (s - s_n)`` instead. Where supports make a point slip along one of
+its tangents exact sticking gives way, and t is any force along ``s - s_n`` that is beyond the bound.
+Points that never open have ``lambda = a``, and laws are asked with ``max(a, 0)``.
+
+`Projection` answers for a state what it asks every point to change to (`proposal`), which points are
+not as it asks, and how far off (`violations`), and how much is left of both equations (`left`).
+
+In the plane ``d = t / |t|`` is a side, and a point slips to one or to the other by the same rule.
+
+Where all DOFs of a tangential row are prescribed, the row has no equation to enter: whatever the
+friction, supports balance it. The law gives it all the same, from the slip that they prescribe, and
+what is reported as friction, its resultant and its energy are those of the law.
 
 **The linear conditions of one iteration** are those of the statuses, with the derivative of the return
 map. At a point that slips, friction is ``tau = P(t, lambda, s)``, with the return map P under a trial
@@ -27,75 +33,35 @@ linear equation is solved,
 With ``P = L d``, ``d = t / |t|``, ``b = L / |t|`` this is a spring across the direction of friction,
 ``rho b / (1 - b) (1 - d d')``: symmetric and positive semidefinite, at the answer
 ``L / |s - s_n| (1 - d d')`` whatever rho is. With one tangent it is zero.
-
-A body that only contact and friction hold makes the matrix singular while all its points are open or
-all slip, even if the answer is neither: `stabilise` keeps just so many closed and sticking.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
+from functools import cached_property
 
 import numpy as np
 
 from skfem_contact.arrays import Array, Index, Mask, lengths
-from skfem_contact.conditions.friction import BEYOND
-from skfem_contact.conditions.friction_rule import grows
-from skfem_contact.conditions.state import OPEN, SLIP, STICK
-from skfem_contact.digits import DECIMALS, GIVEN, ROUND_OFF, SINGLE
-from skfem_contact.linalg.krylov import Anderson
-from skfem_contact.loops.multipliers import Iteration, through_springs
-from skfem_contact.loops.step import Guess, Iterate, LineSearch, Projection, Step, largest_force
-from skfem_contact.problem.seam import Conditions, odd_round_off
+from skfem_contact.conditions.friction_rule import BEYOND, grows
+from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState
+from skfem_contact.digits import COMPUTED, GIVEN, SINGLE
+from skfem_contact.loops.step import Guess, Iterate, Step, stabilise
+from skfem_contact.problem.points import Conditions, Resistance, Response, odd_round_off
 from skfem_contact.records import dataclass
 
-# In the loop `fictitious` points open and close freely so often; after that only once the friction of
-# the present set has settled (to `GIVEN` of the largest force), or a point could open and close for
-# ever because of friction forces that lag behind.
-FREE_CHANGES = 12
 
-# Where in a unit of the last of `DECIMALS` by which points are told apart one number begins and the
-# other ends: at no fraction that meshes have. At a half it is at 2^-10, among others, and round-off
-# tells equal points apart.
-BETWEEN = (3 - 5**0.5) / 2
-
-
-def newton(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
-    """Semismooth Newton with the consistent derivative of the return map."""
-    return _until_rested(partial(_active_set, coupled=True), step, guess, tolerance)
-
-
-def direct(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
-    """[M] fig. 4b: slipping points carry the friction force of the last iterate."""
-    return _until_rested(partial(_active_set, coupled=False), step, guess, tolerance)
-
-
-def _until_rested(loop: Iteration, step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
-    """A loop; once more, again and again, where points are seen through springs that have a strain.
-
-    Some problems find out on the way that rows depend on each other.
-    """
-    known: list[Iterate] = []
-    if not guess.near or step.problem.springs is None:
-        for iterate in loop(step, guess, tolerance):
-            if iterate.converged and step.problem.springs is not None:
-                known = [iterate]
-                break
-            yield iterate
-    yield from through_springs(loop, step, guess, tolerance, known)
-
-
-def _active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> Iterator[Iterate]:
+def active_set(step: Step, guess: Guess, tolerance: float, coupled: bool) -> Iterator[Iterate]:
     """Solve for a set of statuses, let the answer correct the set, until it agrees."""
     current = guess
     # the limits of `direct` settle over several iterations: until then its sets may well change
     search = LineSearch(whole=not coupled)
-    settled = False
+    settled, motions = False, step.motions
     while True:
-        status, held = stabilise(step, current, coupled)
-        if held is not None:
+        status, held = current.status, None
+        if motions.k and not motions.held(status != OPEN, (status == STICK) & step.resisting, SINGLE):
+            status, held = stabilise(step, current, coupled)
             current = replace(current, status=status)
         rough = held is None and not settled
         conditions = linear_conditions(step, current, coupled, rough)
@@ -217,158 +183,326 @@ def _turning(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Stabilised:
-    """Points kept closed or sticking because a body would be free without them."""
-
-    points: Mask
-    motion: Array
+# Round-off of a force or a gap relative to the largest one: a violation below it is no violation.
+# Condensation loses some digits to the condition number of the bodies (1e-16 times 1e3 or so).
+NO_VIOLATION = 1e-11
 
 
-def stabilise(step: Step, current: Guess, coupled: bool = True) -> tuple[Index, Stabilised | None]:
-    """Keep just so many points closed and sticking that no rigid motion is free.
+# The part of slips that are the same but for round-off (`same_slip`) which a solve itself
+# leaves, as a rule: what a stiffness makes of it stays below the forces. With ten times as much the
+# friction of a ring that is turned by far more than it strains is off.
+SOLVED_SLIP = 0.1
 
-    A body that only contact and friction hold makes the matrix singular while all its points are
-    open or all slip, even if the answer is neither. The points nearest to what is needed are kept:
-    those farthest below their friction limit, then those with the smallest gap. If the answer goes
-    on contradicting them, there is no equilibrium; the driver says so. Friction that grows with the
-    slip holds as well where it does so within the linear solve, `coupled`.
+
+# Armijo's rule: the decrease that is asked for over that of the linear model, and how often a step is
+# halved for it; as often as the way to the largest share of a load (`pulled`): three digits.
+DECREASE, HALVINGS = 1e-4, 10
+
+
+# That of a single number.
+EPS = float(np.finfo(float).eps)
+
+
+class Projection:
+    """The projection above at one state of a load step.
+
+    Parameters
+    ----------
+    step : Step
+    response : Response
+        Gaps, slips and forces of the state.
     """
-    status, motions = current.status, step.motions
-    if motions.k == 0:
-        return status, None
-    holds = step.resisting
-    if motions.held(status != OPEN, (status == STICK) & holds, SINGLE):
-        return status, None
 
-    springs = np.zeros(len(status), dtype=bool)
-    if coupled and np.count_nonzero(rubs := (status == SLIP) & step.frictional):
-        springs = rubs & step.friction.hardens(current.direction, current.normal_force, current.slip)
+    def __init__(self, step: Step, response: Response) -> None:
+        self.step, self.response = step, response
+        # the slip of this step, (m, d-1) [length]
+        self.moved = response.slip - step.last.slip
+        self.force_scale = largest_force(response)
+        self.rho = rho = step.resistance or self._alike()
+        self.gap_scale = approach(step, response)
+        # the normal force ``a`` that the state asks for, negative where it asks for none, (m,)
+        self.pressing = response.normal_force - rho.normal * response.gap
 
-    def still_free() -> Array:
-        closed, stick = status != OPEN, (status == STICK) & holds | springs
-        return motions.free(closed, stick, SINGLE, _across(step, current, status))
+    def _alike(self) -> Resistance:
+        """A resistance by which gaps and slips count as much as forces, where nobody knows another."""
+        force, moved = self.force_scale, self.slip_scale
+        alike = np.full(len(self.response.gap), force / moved if force > 0 and moved > 0 else 1.0)
+        return Resistance(alike, alike)
 
-    free = still_free()
-    if free.shape[1] == 0:
-        return status, None
-    status, first = status.copy(), free
-    points = np.zeros(len(status), dtype=bool)
-    limit = step.friction.bound(current.normal_force, current.slip)
-    excess = lengths(current.tangential_force) - limit
-    # a gap is no more exact than the coordinates that it is a difference of
-    known = ROUND_OFF * float(np.abs(motions.kin.points).max(initial=0.0))
-    slipping = _by(excess, status == SLIP, step)
-    opened = _by(step.load.gap0, status == OPEN, step, known)
-    order = np.concatenate([slipping, opened])
-    for i in order:
-        if free.shape[1] == 0:
-            break
-        resists = np.abs(motions.normal[i] @ free).max(initial=0.0) > GIVEN
-        slid = motions.tangential[i] @ free
-        turns = holds[i] and np.sqrt((slid**2).sum(axis=0)).max(initial=0.0) > GIVEN
-        if (status[i] == OPEN and resists) or turns:
-            status[i] = STICK
-            points[i] = True
-            free = still_free()
-    return status, Stabilised(points, first)
+    @cached_property
+    def slip_scale(self) -> float:
+        """The largest slip of this step [length]."""
+        return longest(self.moved)
 
+    @property
+    def nothing(self) -> float:
+        """Forces up to this are round-off [force]."""
+        return max(NO_VIOLATION * self.force_scale, self.step.noise)
 
-def _across(step: Step, current: Guess, status: Index) -> Array | None:
-    """Rows (r, k) by which slipping points hold rigid motions, across the direction of friction."""
-    if not step.turns or current.reach is None:
-        return None
-    at = (status == SLIP) & step.frictional & (current.reach < BEYOND)
-    d = current.direction[at]
-    bound = step.friction.bound(current.normal_force, current.slip)[at]
-    share = bound / current.reach[at]
-    firm = np.sqrt(np.minimum(share / (1 - share), 1.0))  # stiffnesses are squares of rows
-    across = np.eye(d.shape[1]) - d[:, :, None] * d[:, None, :]
-    return ((firm[:, None, None] * across) @ step.motions.tangential[at]).reshape(-1, step.motions.k)
+    @cached_property
+    def closed(self) -> tuple[Mask, Array]:
+        """Points that the state asks to be closed, and their normal forces, (m,) each."""
+        closed = (self.pressing > 0) & self.step.paired
+        if self.step.closed_for_good is not None:
+            closed |= self.step.closed_for_good
+        return closed, np.where(closed, self.pressing, 0.0)
 
+    @cached_property
+    def driven(self) -> Mask | None:
+        """Points that exact sticking does not hold, as supports move them along a tangent, (m,).
 
-def _by(value: Array, mask: Mask, step: Step, known: float = 0.0) -> Index:
-    """Points from the smallest value to the largest; those alike up to round-off by their rank.
+        None where there are no such supports.
+        """
+        along = self.step.slip_prescribed_along
+        if along is None:
+            return None
+        moved = lengths(np.where(along, self.moved, 0.0))
+        return self.step.exact & (moved > same_slip(self.step, self.response))
 
-    `known`: what values are uncertain by, however small they are.
-    """
-    chosen = np.flatnonzero(mask & step.paired)
-    largest = max(float(np.max(np.abs(value[chosen]), initial=0.0)), known * 10**DECIMALS)
-    share = value[chosen] / largest if largest > 0 else value[chosen]
-    alike = np.floor(share * 10.0**DECIMALS + BETWEEN)
-    return chosen[np.lexsort((step.rank[chosen], alike))]
+    @cached_property
+    def pushing(self) -> Array:
+        """The trial friction force ``t``, (m, d-1) [force]."""
+        return self._pushing(self.rho.tangential)
 
+    def _pushing(self, resistance: Array) -> Array:
+        step, response, moved = self.step, self.response, self.moved
+        trial = response.tangential_force + resistance[:, None] * moved
+        if self.driven is not None:
+            along = moved / np.where(self.driven, lengths(moved), 1.0)[:, None]
+            trial = np.where(self.driven[:, None], BEYOND * along, trial)
+        if step.all_exact:
+            return trial
+        return np.where(step.exact[:, None], trial, step.trial(response.slip))
 
-def fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
-    """[M] fig. 4a: the method of fictitious friction forces, accelerated by Anderson's mixing."""
-    return _until_rested(_fictitious, step, guess, tolerance)
+    # -- what the state asks for ----------------------------------------------
 
+    def proposal(self, current: Guess) -> Guess:
+        """The set that the state asks for, point by point.
 
-def _fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
-    """The same without the springs through which points may be seen.
-
-    Every closed point keeps its spring G. The friction force that the linear solve gives,
-    ``tau_n + G (s - s_n) + e``, is compared with the return map of the elastic predictor, and the
-    excess ``e`` is corrected until the two agree. The plain iteration contracts by a factor that
-    tends to one as G grows; the acceleration shortens it but does not lift that limit.
-    """
-    excess = _excess(step, guess)
-    mixing = Anderson(depth=7)
-    current, free_changes = guess, FREE_CHANGES
-    while True:
-        closed_as_stick = np.where(current.status == OPEN, OPEN, STICK)
-        status, held = stabilise(step, replace(current, status=closed_as_stick))
-        elastic = (status == STICK) & step.frictional
-        offset = np.where(elastic[:, None], step.last.tangential_force + excess, 0.0)
-        spring = np.zeros((*offset.shape, offset.shape[1]))
-        spring[elastic] = step.stiffness[elastic, None, None] * np.eye(offset.shape[1])
-        conditions = Conditions(
-            closed=status != OPEN,
-            stick=(status != OPEN) & step.tied,
-            anchor=step.last.slip,
-            spring=spring,
-            offset=offset,
-            coupling=np.zeros_like(offset),
+        Where round-off would decide, a point keeps the status that it has in `current`.
+        """
+        step, response, force = self.step, self.response, self.pressing
+        was_open = current.status == OPEN
+        penetrates = (
+            was_open & (force > self.rho.normal * (NO_VIOLATION * self.gap_scale)) & step.paired
         )
-        response = step.problem.solve(conditions, step.load)
-        trial = step.trial(response.slip)
-        mapped, slips = step.friction.project(trial, response.normal_force, response.slip)
-        error = np.where(elastic[:, None], mapped - response.tangential_force, 0.0)
-        scale = largest_force(response)
-        residual = float(np.max(np.abs(error), initial=0.0) / scale) if scale > 0 else 0.0
+        pulls = ~was_open & (force < -self.nothing)
+        if step.closed_for_good is not None:
+            pulls &= ~step.bilateral
+        direction, reach, driven = np.zeros(response.slip.shape), None, None
+        status = np.full(len(was_open), STICK)
+        if step.friction.laws:
+            slips, direction, reach = self._slipping(current)
+            driven = self.driven
+            if driven is not None:
+                slips |= driven
+            slips &= ~was_open | penetrates
+            direction = direction * slips[:, None]
+            status[slips] = SLIP
+        status[was_open & ~penetrates | pulls] = OPEN
+        if step.closed_for_good is not None:
+            status[step.tied & step.paired] = STICK
+        forces = self.closed[1], response.tangential_force
+        return Guess(status, direction, *forces, response.slip, reach=reach, driven=driven)
 
-        proposal = Projection(step, response).proposal(replace(current, status=status))
-        wrong = (proposal.status == OPEN) != (status == OPEN)
-        size = np.linalg.norm(mapped, axis=1)
-        unit = mapped / np.where(size > 0, size, 1.0)[:, None]
-        carries = (response.normal_force > 0) | step.bilateral
-        shown = np.where(elastic & slips & carries, SLIP, status)
-        kept = held is not None and bool((wrong & held.points).any())
-        yield Iterate(
-            shown,
-            np.where((shown == SLIP)[:, None], unit, 0.0),
-            response,
-            conditions,
-            int(wrong.sum()),
-            residual,
-            converged=not wrong.any() and residual <= tolerance,
-            note="accelerated" if mixing.active else "",
-            held=held.motion if held is not None and kept else None,
-        )
-        image = np.where(elastic[:, None], mapped - trial, 0.0)
-        if wrong.any() and (free_changes > 0 or residual <= GIVEN):
-            free_changes -= 1
-            mixing = Anderson(depth=7)  # another set is another fixed-point problem
-            excess = image
-            status = np.where(proposal.status == OPEN, OPEN, STICK)
-        else:
-            excess = mixing.next(excess.ravel(), image.ravel()).reshape(excess.shape)
-        current = replace(proposal, status=status)
+    def _slipping(self, current: Guess) -> tuple[Mask, Array, Array | None]:
+        """Find the points that slip if they are closed, their directions, and their trial forces.
+
+        These say what friction resists across its direction, which there is not with one tangent.
+        """
+        step, response, trial = self.step, self.response, self.pushing
+        was_stick, was_slip = current.status == STICK, current.status == SLIP
+        bound = step.friction.bound(self.closed[1], response.slip)
+        if np.count_nonzero(was_slip):
+            # along its direction the friction of a point that slips is the bound, also where a bound
+            # that is not linear, or lags, has given another
+            along = products(response.tangential_force, current.direction)
+            missing = np.where(was_slip & step.exact, bound - along, 0.0)
+            trial = trial + missing[:, None] * current.direction
+        size = lengths(trial)
+        # what is open has no status to keep; what slips back by more than the round-off of slips sticks
+        back = NO_VIOLATION * self.slip_scale * self.rho.tangential + 4 * EPS * bound
+        back = np.where(step.exact, np.minimum(self.nothing, back), self.nothing)
+        slack = self.nothing * was_stick - back * was_slip
+        if not step.all_exact:
+            slack -= np.where(was_slip, trial_round_off(step, response), 0.0)
+        slips = (size > bound + slack) & step.frictional
+        unit = trial / np.where(size > 0, size, 1.0)[:, None]
+        # where the slip turns back the point sticks first, or forward and backward slip alternate
+        slips &= ~was_slip | (products(unit, current.direction) >= 0)
+        # where nothing presses, forces are round-off and decide nothing: what slips goes on, for stuck
+        # it would press by friction again, and be let go again
+        if self.force_scale <= step.noise:
+            slips &= ~was_stick
+        keep, direction = was_slip & (size <= self.nothing), unit
+        if np.count_nonzero(keep):
+            direction = np.where(keep[:, None], current.direction, unit)
+        if trial.shape[1] == 1:
+            return slips, direction, None
+        # across its direction a slipping point has bound / (reach - bound) of its stiffness: up to 1e6
+        reach = np.where(bound > 0, np.maximum(size, bound / (1 - GIVEN)), BEYOND)
+        return slips, direction, reach
+
+    # -- how far it is off ------------------------------------------------------
+
+    @cached_property
+    def left_over(self) -> tuple[Array, Array]:
+        """Return what is left of both equations at every point, (m,) and (m, d-1) [force]."""
+        return self.response.normal_force - self.closed[1], self._left_along()
+
+    def _left_along(self, resistance: Array | None = None) -> Array:
+        """What is left along the tangents, (m, d-1); by other resistances where they are given."""
+        step, response = self.step, self.response
+        if not (step.friction.laws or step.closed_for_good is not None):
+            return np.zeros(response.slip.shape)
+        trial = self.pushing if resistance is None else self._pushing(resistance)
+        closed, force = self.closed
+        friction, _ = step.friction.project(trial, force, response.slip)
+        if step.closed_for_good is not None:
+            friction = np.where(step.tied[:, None], trial, friction)
+        tangential = response.tangential_force - np.where(closed[:, None], friction, 0.0)
+        return np.where(step.modelled[:, None], tangential, 0.0)
+
+    @cached_property
+    def left(self) -> float:
+        """Size of what is left over at all points together [force]."""
+        normal, tangential = self.left_over
+        return float(np.sqrt(np.sum(normal**2) + np.sum(tangential**2)))
+
+    def violations(self, current: Guess, tolerance: float) -> tuple[Mask, float]:
+        """Points that violate the projection, and the largest violation over the largest force.
+
+        What is within the tolerance is no violation, nor is what may be round-off of gaps and slips. A
+        finite stiffness enlarges that of slips, but a force beyond its bound is one all the same. Where
+        none is left, slips count as in the certificate: the largest of them as much as the largest
+        force. Beside resistances small slips would count for nothing, and friction be off their
+        direction.
+        """
+        step, response, rho, scale = self.step, self.response, self.rho, self.force_scale
+        normal, tangential = (np.abs(self.left_over[0]), lengths(self.left_over[1]))
+        slip_scale = self.slip_scale
+        allowed = max(step.noise, tolerance * scale)
+        known = NO_VIOLATION * np.maximum(rho.normal * self.gap_scale, rho.tangential * slip_scale)
+        wrong = normal > np.maximum(known, allowed)
+        if not step.all_exact:
+            known = np.maximum(known, trial_round_off(step, response))
+            sticks = (current.status == STICK) & step.frictional & ~step.exact
+            bound = step.friction.bound(response.normal_force, response.slip)
+            wrong |= sticks & (lengths(response.tangential_force) - bound > allowed)
+        wrong |= tangential > np.maximum(known, allowed)
+        left = np.maximum(normal, tangential)
+        if scale <= step.noise:
+            return wrong, 0.0
+        if slip_scale > 0.0 and not np.count_nonzero(wrong):
+            turned = self._left_along(np.maximum(rho.tangential, scale / slip_scale))
+            left = np.maximum(left, lengths(turned))
+        return wrong, float(left.max(initial=0.0) / scale)
 
 
-def _excess(step: Step, guess: Guess) -> Array:
-    """By what the law is exceeded where the guess presses, (m, d-1): none where nothing is known."""
-    trial = step.trial(guess.slip)
-    mapped, _ = step.friction.project(trial, guess.normal_force, guess.slip)
-    known = step.frictional & (guess.normal_force > 0)
-    return np.where(known[:, None], mapped - trial, 0.0)
+@dataclass
+class LineSearch:
+    """Armijo's rule on what the projection leaves over: a step is halved until less is left.
+
+    Between two states lie those whose gaps, slips and forces are the same mean of theirs: bodies are
+    linear, so that they are in equilibrium too. Before the first state none is known, and the step to
+    it is whole. `whole`: all are. Limits that lag lead to another fixed point in every iteration, and
+    not straight down to that of the step.
+    """
+
+    whole: bool
+    settled: bool = False
+    nearer: bool = False
+    at: Response | None = None
+    left: float = np.inf
+    note: str = ""
+
+    def advance(self, current: Guess, new: Projection, wrong: Mask) -> Guess:
+        """The set for the next iterate, by the state at the best share of the way to the new one."""
+        # one more iteration tells round-off from what is left of a step
+        self.settled = not wrong.any() and (new.left >= self.left or not self.whole)
+        there, share, tries = new, 1.0, 0
+        while not (falls := there.left <= (1.0 - DECREASE * share) * self.left):
+            if self.at is None or self.whole or tries == HALVINGS:
+                break
+            share, tries = 0.5 * share, tries + 1
+            there = Projection(new.step, _between(self.at, new.response, share))
+        self.note = f"{share:.2g} of a step" if tries else ""
+        self.nearer = falls and there.left > 0.0
+        self.at, self.left = there.response, there.left
+        return there.proposal(current)
+
+
+def _between(a: Response, b: Response, share: float) -> Response:
+    """The state at a share of the way from `a` to `b`; points without partner have no gap in either."""
+    finite = np.isfinite(b.gap)
+    gap = np.where(finite, 0.0, b.gap)
+    gap[finite] = _mean(a.gap[finite], b.gap[finite], share)
+    return Response(
+        gap,
+        _mean(a.slip, b.slip, share),
+        _mean(a.normal_force, b.normal_force, share),
+        _mean(a.tangential_force, b.tangential_force, share),
+        _mean(a.solution, b.solution, share),
+    )
+
+
+def _mean(a: Array, b: Array, share: float) -> Array:
+    return a + share * (b - a)
+
+
+def products(a: Array, b: Array) -> Array:
+    """Scalar products of vectors (m, d-1), (m,); in half the time of a sum."""
+    return np.asarray(np.einsum("ik,ik->i", a, b))
+
+
+def longest(vectors: Array) -> float:
+    """The length of the longest vector (m, d-1), zero of none."""
+    return float(np.sqrt(products(vectors, vectors).max(initial=0.0)))
+
+
+def largest_force(response: Response | LocalState) -> float:
+    """The largest normal or tangential force at a point [force]."""
+    pressing = float(np.abs(response.normal_force).max(initial=0.0))
+    return max(pressing, longest(response.tangential_force))
+
+
+def approach(step: Step, response: Response) -> float:
+    """The largest change of a gap since nothing was carried, of points with a partner [length]."""
+    finite = np.isfinite(response.gap)
+    return float(np.abs(response.gap[finite] - step.load.gap0[finite]).max(initial=0.0))
+
+
+def same_slip(step: Step, response: Response) -> float:
+    """A slip up to this may be the round-off of prescribed displacements [length]."""
+    slips = max(longest(response.slip), longest(step.last.slip))
+    return COMPUTED * max(step.far, approach(step, response), slips)
+
+
+def trial_round_off(step: Step, response: Response) -> Array:
+    """Return what a finite stiffness makes of the round-off of slips, (m,)."""
+    return np.where(step.exact, 0.0, step.stiffness) * (SOLVED_SLIP * same_slip(step, response))
+
+
+def friction_of_prescribed_slip(
+    step: Step, slip_prescribed: Mask, status: Index, response: Response
+) -> tuple[Index, Array]:
+    """Status (m,) and friction (m, d-1) of the answer, by the law where the slip is prescribed.
+
+    In `step` these points are none with friction: there is no equation for it.
+    """
+    at = slip_prescribed & (status != OPEN)
+    if not np.count_nonzero(at):
+        return status, response.tangential_force
+    moved = response.slip - step.last.slip
+    size = lengths(moved)
+    moves = size > same_slip(step, response)
+    along = moved / np.where(moves, size, 1.0)[:, None]
+    # exact sticking gives way to any slip
+    exact = np.where(moves[:, None], BEYOND * along, step.last.tangential_force)
+    trial = np.where(step.exact[:, None], exact, step.trial(response.slip))
+    force, slips = step.friction.project(trial, response.normal_force, response.slip)
+    slips |= moves & step.exact
+    return (
+        np.where(at, np.where(slips, SLIP, STICK), status),
+        np.where(at[:, None], force, response.tangential_force),
+    )

@@ -1,23 +1,155 @@
-"""The loops by name, and their driver: it counts, logs, stops and says why."""
+"""The loops: solve for a set of statuses, let the answer correct the set; and their driver.
+
+``newton``      semismooth Newton: the friction force of a slipping point follows the normal force
+                within the linear solve.
+``direct``      [M] fig. 4b: a slipping point carries the friction force of the last iterate as a load.
+``fictitious``  [M] fig. 4a, an initial-stress method: every closed point keeps its spring, and what a
+                friction force exceeds its limit by returns as a load. One factorisation serves as long
+                as the set of closed points does not change.
+
+A loop is a generator of iterates. It solves one load step: which points are closed, which of them
+slip, and how large the friction forces are. It yields every iterate with a record and never stops by
+itself except when it has converged; `drive` counts, logs, stops and raises. Loops keep nothing between
+calls.
+
+All reach the same solution. Open and closed points change by the same rule: a closed point in tension
+opens, an open one that penetrates closes. How far an iteration goes is told by `LineSearch`. The
+tangential stiffness that each loop needs is `STIFFNESS` of `skfem_contact.conditions.interface`.
+"""
 
 from __future__ import annotations
 
 import logging
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from skfem_contact.arguments import number, with_known_keywords
+from skfem_contact.arrays import Array
+from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, SingularMatrix
-from skfem_contact.loops.active_set import direct, fictitious, newton
-from skfem_contact.loops.step import Guess, Iterate, Record, Step
+from skfem_contact.linalg.krylov import Anderson
+from skfem_contact.loops.active_set import Projection, active_set, largest_force
+from skfem_contact.loops.multipliers import Iteration, through_springs
+from skfem_contact.loops.step import Guess, Iterate, Record, Step, stabilise
+from skfem_contact.problem.points import Conditions
 from skfem_contact.records import dataclass
 
 # Iterations that Newton may take where another loop begins from its answer.
 NEWTON_ITERATIONS = 80
 
 logger = logging.getLogger("skfem_contact")
+
+
+def newton(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
+    """Semismooth Newton with the consistent derivative of the return map."""
+    return _until_rested(partial(active_set, coupled=True), step, guess, tolerance)
+
+
+def direct(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
+    """[M] fig. 4b: slipping points carry the friction force of the last iterate."""
+    return _until_rested(partial(active_set, coupled=False), step, guess, tolerance)
+
+
+def _until_rested(loop: Iteration, step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
+    """A loop; once more, again and again, where points are seen through springs that have a strain.
+
+    Some problems find out on the way that rows depend on each other.
+    """
+    known: list[Iterate] = []
+    if not guess.near or step.problem.springs is None:
+        for iterate in loop(step, guess, tolerance):
+            if iterate.converged and step.problem.springs is not None:
+                known = [iterate]
+                break
+            yield iterate
+    yield from through_springs(loop, step, guess, tolerance, known)
+
+
+# In the loop `fictitious` points open and close freely so often; after that only once the friction of
+# the present set has settled (to `GIVEN` of the largest force), or a point could open and close for
+# ever because of friction forces that lag behind.
+FREE_CHANGES = 12
+
+
+def fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
+    """[M] fig. 4a: the method of fictitious friction forces, accelerated by Anderson's mixing."""
+    return _until_rested(_fictitious, step, guess, tolerance)
+
+
+def _fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
+    """The same without the springs through which points may be seen.
+
+    Every closed point keeps its spring G. The friction force that the linear solve gives,
+    ``tau_n + G (s - s_n) + e``, is compared with the return map of the elastic predictor, and the
+    excess ``e`` is corrected until the two agree. The plain iteration contracts by a factor that
+    tends to one as G grows; the acceleration shortens it but does not lift that limit.
+    """
+    excess = _excess(step, guess)
+    mixing = Anderson(depth=7)
+    current, free_changes = guess, FREE_CHANGES
+    while True:
+        closed_as_stick = np.where(current.status == OPEN, OPEN, STICK)
+        status, held = stabilise(step, replace(current, status=closed_as_stick))
+        elastic = (status == STICK) & step.frictional
+        offset = np.where(elastic[:, None], step.last.tangential_force + excess, 0.0)
+        spring = np.zeros((*offset.shape, offset.shape[1]))
+        spring[elastic] = step.stiffness[elastic, None, None] * np.eye(offset.shape[1])
+        conditions = Conditions(
+            closed=status != OPEN,
+            stick=(status != OPEN) & step.tied,
+            anchor=step.last.slip,
+            spring=spring,
+            offset=offset,
+            coupling=np.zeros_like(offset),
+        )
+        response = step.problem.solve(conditions, step.load)
+        trial = step.trial(response.slip)
+        mapped, slips = step.friction.project(trial, response.normal_force, response.slip)
+        error = np.where(elastic[:, None], mapped - response.tangential_force, 0.0)
+        scale = largest_force(response)
+        residual = float(np.max(np.abs(error), initial=0.0) / scale) if scale > 0 else 0.0
+
+        proposal = Projection(step, response).proposal(replace(current, status=status))
+        wrong = (proposal.status == OPEN) != (status == OPEN)
+        size = np.linalg.norm(mapped, axis=1)
+        unit = mapped / np.where(size > 0, size, 1.0)[:, None]
+        carries = (response.normal_force > 0) | step.bilateral
+        shown = np.where(elastic & slips & carries, SLIP, status)
+        kept = held is not None and bool((wrong & held.points).any())
+        yield Iterate(
+            shown,
+            np.where((shown == SLIP)[:, None], unit, 0.0),
+            response,
+            conditions,
+            int(wrong.sum()),
+            residual,
+            converged=not wrong.any() and residual <= tolerance,
+            note="accelerated" if mixing.active else "",
+            held=held.motion if held is not None and kept else None,
+        )
+        image = np.where(elastic[:, None], mapped - trial, 0.0)
+        if wrong.any() and (free_changes > 0 or residual <= GIVEN):
+            free_changes -= 1
+            mixing = Anderson(depth=7)  # another set is another fixed-point problem
+            excess = image
+            status = np.where(proposal.status == OPEN, OPEN, STICK)
+        else:
+            excess = mixing.next(excess.ravel(), image.ravel()).reshape(excess.shape)
+        current = replace(proposal, status=status)
+
+
+def _excess(step: Step, guess: Guess) -> Array:
+    """By what the law is exceeded where the guess presses, (m, d-1): none where nothing is known."""
+    trial = step.trial(guess.slip)
+    mapped, _ = step.friction.project(trial, guess.normal_force, guess.slip)
+    known = step.frictional & (guess.normal_force > 0)
+    return np.where(known[:, None], mapped - trial, 0.0)
+
 
 NOTHING_HOLDS = "no equilibrium: nothing holds a rigid motion"
 JAMMED = (

@@ -1,12 +1,14 @@
 r"""Springs that lose their strain: contact forces where they are not unique (method of multipliers).
 
 Where contact rows depend on each other, points are seen through stiff springs
-(`skfem_contact.problem.springs`). A loop finds the answer with springs; then their rest forces p0 are
+(`skfem_contact.problem.seam`). A loop finds the answer with springs; then their rest forces p0 are
 moved to the forces p, until no spring has a strain, ``E (p - p0) = 0``: they are as good as not there.
 (Powell, 1969; Hestenes, 1969; as a proximal method, Rockafellar, 1976.) Under given conditions that is
 a linear fixed point, ``p = P(p0)``; where they do not change it is found without a loop. From
 ``p0 = 0`` it is the one with the least ``p'E p``: what differs from it strains no spring, and is never
-made. Where points stick, friction that is not needed is taken out of it in the end.
+made. Where points stick, friction that is not needed is taken out of it in the end (`least_friction`):
+of all forces that do the same to the bodies, first those with the least friction, in the mean square of
+its pressure, then the least of these.
 
 Rows that contradict each other leave a strain whatever the forces are, and these grow by the same
 ``v`` from one time to the next, ``B'v = 0``. Points whose v pulls open then, those whose friction grows
@@ -22,18 +24,19 @@ from itertools import chain
 
 import numpy as np
 from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 
-from skfem_contact.arrays import Array, Mask, largest, lengths, size_of
+from skfem_contact.arrays import Array, Index, Mask, largest, lengths, size_of
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.rows import stacked_rows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF, SOLVED
-from skfem_contact.elimination.thresholds import AGREEMENT
+from skfem_contact.elimination.pivoting import AGREEMENT
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.krylov import gmres
-from skfem_contact.loops.step import Guess, Iterate, Projection, Step, largest_force
-from skfem_contact.problem.seam import Response
-from skfem_contact.problem.springs import least_friction
+from skfem_contact.loops.active_set import Projection, largest_force
+from skfem_contact.loops.step import Guess, Iterate, Step
+from skfem_contact.problem.points import Response
 from skfem_contact.records import dataclass
 
 # Solves at most until springs have come to rest: moves, and GMRES where rows nearly depend on others.
@@ -315,3 +318,70 @@ def _allowed(step: Step, iterate: Iterate, force: Array) -> bool:
     beyond -= step.friction.excess(before.tangential_force, before.normal_force, before.slip)
     pulls = np.minimum(before.normal_force, 0.0) - n
     return bool(np.all(pulls[~step.bilateral] <= known) and np.all(beyond[sticks] <= known))
+
+
+def least_friction(
+    rows: csr_matrix, friction: Mask, give: Array, force: Array
+) -> Iterator[tuple[Index, Array]]:
+    """Forces on rows that depend on each other, with the least friction, then the least of the others.
+
+    Parameters
+    ----------
+    rows : csr_matrix, shape (r, n)
+        What each force acts along, none of them empty.
+    friction : ndarray of bool, shape (r,)
+    give : ndarray, shape (r,)
+        Compliance of the springs: weights of the squares [length/force].
+    force : ndarray, shape (r,)
+        Forces with the right ``rows.T @ force``.
+
+    Yields
+    ------
+    of : ndarray of int
+        A smallest set of rows that depend on no others, some of them of friction.
+    forces : ndarray
+        On these rows.
+
+    Examples
+    --------
+    One normal force and one of friction along the same DOF:
+
+    >>> rows = csr_matrix([[1.0, 0.0], [2.0, 0.0], [0.0, 1.0]])
+    >>> friction = np.array([False, True, False])
+    >>> [(of, forces)] = least_friction(rows, friction, np.ones(3), np.array([1.0, 1.0, 5.0]))
+    >>> of.tolist(), np.round(forces, 12).tolist()
+    ([0, 1], [3.0, 0.0])
+    """
+    from skfem_contact.elimination.constraint import eliminate
+
+    found = eliminate(rows, np.zeros(len(force)))
+    more, kept = found.redundant, found.rows_kept
+    follow = (rows[more][:, found.dependent] @ found.pivot_inverse).tocoo()
+    part = np.abs(follow.data) > COMPUTED
+    pairs = more[follow.row[part]], kept[follow.col[part]]
+    shape = (len(force), len(force))
+    _, group = connected_components(csr_matrix((np.ones(len(pairs[0])), pairs), shape), directed=False)
+    for g in np.unique(group[more]):
+        of = np.flatnonzero(group == g)
+        if friction[of].any():
+            root, own = np.sqrt(give[of]), rows[of]
+            A = own[:, np.unique(own.indices)].toarray().T / root
+            yield of, _least_of_some(A, friction[of], root * force[of]) / root
+
+
+def _least_of_some(A: Array, some: Mask, y: Array) -> Array:
+    """Of all vectors with the same ``A y`` those with the least `some` entries, of these the least."""
+    size, asked, out = float(np.linalg.norm(A)), A @ y, np.empty_like(y)
+    U, s, V = _decomposed(A[:, ~some], size)
+    across = A[:, some] - U @ (U.T @ A[:, some])  # what the other entries can not do instead
+    P, t, Q = _decomposed(across, size)
+    out[some] = Q.T @ (P.T @ asked / t)
+    out[~some] = V.T @ (U.T @ (asked - A[:, some] @ out[some]) / s)
+    return out
+
+
+def _decomposed(A: Array, size: float) -> tuple[Array, Array, Array]:
+    """Singular values and vectors of A, without those that are round-off of a matrix of this size."""
+    U, s, V = np.linalg.svd(A, full_matrices=False)
+    some = s > COMPUTED * size
+    return U[:, some], s[some], V[some]

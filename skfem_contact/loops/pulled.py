@@ -27,11 +27,11 @@ from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import GIVEN, ROUND_OFF, SOLVED
 from skfem_contact.errors import SingularMatrix
-from skfem_contact.loops.active_set import newton
-from skfem_contact.loops.driver import Outcome, drive
-from skfem_contact.loops.step import HALVINGS, Guess, Projection, Record, Step
-from skfem_contact.problem.points import PointSpace
-from skfem_contact.problem.seam import Conditions, ContactProblem, Load, Resistance, Response, on_rows
+from skfem_contact.loops.active_set import HALVINGS, Projection
+from skfem_contact.loops.driver import Outcome, drive, newton
+from skfem_contact.loops.step import Guess, Record, Step
+from skfem_contact.problem.points import Conditions, Load, PointSpace, Resistance, Response
+from skfem_contact.problem.seam import ContactProblem, on_rows
 from skfem_contact.records import dataclass
 
 # Iterations for a problem with springs in series or on the machine, and for the step itself from there.

@@ -32,11 +32,11 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState, State
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import SingularMatrix
-from skfem_contact.loops.active_set import newton
-from skfem_contact.loops.driver import NEWTON_ITERATIONS, Outcome, drive
+from skfem_contact.loops.driver import NEWTON_ITERATIONS, Outcome, drive, newton
 from skfem_contact.loops.pulled import IN_SERIES, Carried, after, pulled
 from skfem_contact.loops.step import Guess, Record, Step
-from skfem_contact.problem.seam import ContactProblem, Load, Resistance
+from skfem_contact.problem.points import Load, Resistance
+from skfem_contact.problem.seam import ContactProblem
 from skfem_contact.records import dataclass
 
 # More points than this are left to step cutting: the tableau has 4 m rows and 8 m columns.

@@ -2,16 +2,14 @@
 
 * `material`: what a material is, and one's own from a function, also of felupe's signature;
 * `tensors`: second-order tensors at many points; laws of small strains at large ones;
-* `elastic`: linear elasticity;
-* `plasticity`: J2, metals that yield;
-* `hyperelastic`: neo-Hooke, Mooney-Rivlin, St. Venant-Kirchhoff.
+* `elastic`: linear elasticity, St. Venant-Kirchhoff, and rubber: neo-Hooke, Mooney-Rivlin;
+* `plasticity`: J2, metals that yield.
 
 Arrays have their components first, then elements and points of integration, as in scikit-fem's forms.
 All names below are public.
 """
 
-from skfem_contact.materials.elastic import Elastic
-from skfem_contact.materials.hyperelastic import MooneyRivlin, NeoHooke, SaintVenantKirchhoff
+from skfem_contact.materials.elastic import Elastic, MooneyRivlin, NeoHooke, SaintVenantKirchhoff
 from skfem_contact.materials.material import FromFelupe, FromFunction, Material, Split
 from skfem_contact.materials.plasticity import J2
 

@@ -1,20 +1,87 @@
-"""`Elastic`: linear isotropic elasticity, for linear bodies and others."""
+r"""Elastic materials: linear ones, for linear bodies and others, and rubber at any strain.
+
+With the deformation gradient ``F = 1 + H`` energies of rubber by initial volume are sums of
+``c J^a I(F)``, with the invariants ``I1 = F : F`` and ``I2`` of ``C = F' F``, and of a function of
+``J = det F``. Stresses and tangents are their derivatives.
+See Holzapfel, Nonlinear Solid Mechanics (2000), chapter 6.
+"""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 from skfem.assembly import BilinearForm, LinearForm
+from skfem.helpers import ddot, trace
 
 from skfem_contact.arguments import PrintedAsCall, with_known_keywords
 from skfem_contact.arrays import Array
-from skfem_contact.materials.material import Isotropic, State, take_numbers
-from skfem_contact.materials.tensors import double, isotropic, solid, symmetric, trace, unit
+from skfem_contact.errors import InputError
+from skfem_contact.materials.material import Material, Split, State, take_numbers
+from skfem_contact.materials.tensors import (
+    deformation,
+    deviator,
+    dilatation,
+    first_piola,
+    green,
+    isotropic,
+    solid,
+    squared,
+    symmetric,
+    unit,
+)
 from skfem_contact.records import dataclass
+
+
+@dataclass(frozen=True, eq=False)
+class Isotropic(PrintedAsCall, Material):
+    """Hooke's law of the small strain or of Green's, by Young's modulus and Poisson's ratio."""
+
+    E: float
+    nu: float
+
+    def __post_init__(self) -> None:
+        take_numbers(self, E="give Young's modulus > 0", nu="give Poisson's ratio, -1 < nu < 0.5")
+        if not self.E > 0.0:
+            raise InputError(f"E = {self.E} is no modulus; it is finite and > 0.")
+        if not -1.0 < self.nu < 0.5:
+            raise InputError(
+                f"nu = {self.nu} is no Poisson's ratio of linear elasticity; it is > -1 and < 0.5."
+            )
+
+    @property
+    def bulk(self) -> float:
+        """Bulk modulus [stress]."""
+        return self.E / (3.0 * (1.0 - 2.0 * self.nu))
+
+    @property
+    def shear(self) -> float:
+        """Shear modulus [stress]."""
+        return self.E / (2.0 * (1.0 + self.nu))
+
+    def hooke(self, strain: Array) -> Array:
+        """Stress of a strain, both (3, 3, ...), by Hooke's law [stress]."""
+        return 2.0 * self.shear * deviator(strain) + self.bulk * trace(strain) * unit(strain.ndim - 2)
+
+    def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
+        tangent = isotropic(self.bulk, self.shear, len(H))[..., None, None]
+        stress = self.hooke(self._strain(H))
+        if self.finite_strain:
+            stress, tangent = first_piola(deformation(H)[0], stress, tangent)
+        return stress, tangent, {}
+
+    def energy(self, H: Array, state: State) -> tuple[Array, Array]:
+        strain = self._strain(H)
+        energy = 0.5 * ddot(self.hooke(strain), strain)
+        return energy, np.zeros_like(energy)
+
+    def _strain(self, H: Array) -> Array:
+        """Green's strain, or the small one, (3, 3, ...)."""
+        return green(H) if self.finite_strain else symmetric(solid(H))
 
 
 @with_known_keywords(
@@ -23,7 +90,7 @@ from skfem_contact.records import dataclass
     alpha="write expansion",
 )
 @dataclass(frozen=True, eq=False)
-class Elastic(PrintedAsCall, Isotropic):
+class Elastic(Isotropic):
     r"""Linear isotropic elasticity: ``sigma = lambda tr(eps - eps_T) 1 + 2 mu (eps - eps_T)``.
 
     Plane strain, axisymmetric, solid. `Body` takes it in the place of a form, `NonlinearBody` as a
@@ -52,8 +119,6 @@ class Elastic(PrintedAsCall, Isotropic):
     [282.69, 121.15, 121.15]
     """
 
-    E: float
-    nu: float
     density: float = field(default=0.0, kw_only=True)
     expansion: float = field(default=0.0, kw_only=True)
 
@@ -62,13 +127,6 @@ class Elastic(PrintedAsCall, Isotropic):
         take_numbers(
             self, density="give the mass by volume", expansion="give the thermal strain by temperature"
         )
-
-    def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
-        tangent = isotropic(self.bulk, self.shear, len(H))[..., None, None]
-        return self.stress(H), tangent, {}
-
-    def energy(self, H: Array, state: State) -> tuple[Array, Array]:
-        return self.stored(symmetric(solid(H)))
 
     def stress(self, u: Any, temperature: ArrayLike = 0.0) -> Array:
         """Stress (3, 3, ...) of a displacement gradient (d, d, ...), or of a field with it as `grad`.
@@ -99,10 +157,9 @@ class Elastic(PrintedAsCall, Isotropic):
 
         def energy(u: Any, v: Any, w: Any) -> Any:
             a, b = (_strain(field, w, axisymmetric) for field in (u, v))
-            density = lam * trace(a) * trace(b) + 2.0 * mu * double(a, b)
-            return density if measure is None else density * measure(w.x)
+            return lam * trace(a) * trace(b) + 2.0 * mu * ddot(a, b)
 
-        return BilinearForm(energy)
+        return BilinearForm(_weighed(energy, measure))
 
     def weight(
         self, acceleration: ArrayLike, measure: Callable[[Array], Array] | None = None
@@ -111,10 +168,9 @@ class Elastic(PrintedAsCall, Isotropic):
         g = np.asarray(acceleration, dtype=float)
 
         def load(v: Any, w: Any) -> Any:
-            force = self.density * sum(g[i] * v[i] for i in range(len(g)))
-            return force if measure is None else force * measure(w.x)
+            return self.density * sum(g[i] * v[i] for i in range(len(g)))
 
-        return LinearForm(load)
+        return LinearForm(_weighed(load, measure))
 
     def warmed(
         self,
@@ -127,11 +183,14 @@ class Elastic(PrintedAsCall, Isotropic):
 
         def load(v: Any, w: Any) -> Any:
             T = temperature(w.x) if callable(temperature) else temperature
-            stress = 3.0 * self.bulk * self.expansion * T
-            work = stress * trace(_strain(v, w, axisymmetric))
-            return work if measure is None else work * measure(w.x)
+            return 3.0 * self.bulk * self.expansion * T * trace(_strain(v, w, axisymmetric))
 
-        return LinearForm(load)
+        return LinearForm(_weighed(load, measure))
+
+
+def _weighed(work: Callable[..., Any], measure: Callable[[Array], Array] | None) -> Callable[..., Any]:
+    """The work of a form with the weight of the area."""
+    return work if measure is None else lambda *fields: work(*fields) * measure(fields[-1].x)
 
 
 def _strain(u: Any, w: Any, axisymmetric: bool) -> Array:
@@ -140,3 +199,177 @@ def _strain(u: Any, w: Any, axisymmetric: bool) -> Array:
     if axisymmetric:
         strain[2, 2] = np.asarray(u)[0] / w.x[0]
     return strain
+
+
+@with_known_keywords()
+@dataclass(frozen=True, eq=False)
+class SaintVenantKirchhoff(Isotropic):
+    """Linear elasticity of Green's strain, ``W = lambda/2 (tr E)^2 + mu E : E``.
+
+    For metals and others that turn by large angles and strain little: under strong pressure it
+    collapses.
+
+    Parameters
+    ----------
+    E : float
+        Young's modulus [stress].
+    nu : float
+        Poisson's ratio.
+
+    Examples
+    --------
+    >>> from skfem_contact.materials import SaintVenantKirchhoff
+    >>> turned = np.array([[0.0, -1.0], [1.0, 0.0]]) - np.eye(2)
+    >>> stress, _, _ = SaintVenantKirchhoff(210e3, 0.3)(turned[:, :, None, None], {})
+    >>> float(abs(stress).max())
+    0.0
+    """
+
+    finite_strain = True
+
+
+# -- rubber ----------------------------------------------------------------------------------------
+
+Invariant: TypeAlias = Callable[[Array, int], tuple[Array, Any, Any]]
+
+
+def first(C: Array, d: int) -> tuple[Array, Any, Any]:
+    """``I1 = tr C``, its derivative by Green's strain, and d rows of the second."""
+    return trace(C), 2.0 * unit(2), np.zeros((d,) * 4 + (1, 1))
+
+
+def second(C: Array, d: int) -> tuple[Array, Any, Any]:
+    """``I2 = (I1^2 - C : C) / 2``, its derivative by Green's strain, and d rows of the second."""
+    I1 = trace(C)
+    bend = isotropic(8.0 / 3.0, -2.0, d)[..., None, None]
+    return 0.5 * (I1**2 - ddot(C, C)), 2.0 * (I1 * unit(2) - C), bend
+
+
+class Hyperelastic(PrintedAsCall, Split):
+    """What the materials here have in common."""
+
+    finite_strain = True
+
+    def __post_init__(self) -> None:
+        own: Any = self
+        take_numbers(self, **dict.fromkeys(own.__dataclass_fields__, "give a modulus of the energy"))
+        if not (own.shear > 0.0 and own.bulk > 0.0):
+            moduli = f"the shear modulus is {own.shear}, the bulk modulus {own.bulk}"
+            raise InputError(f"{moduli}: both have to be > 0")
+
+    @abstractmethod
+    def _terms(self) -> tuple[tuple[float, float, Invariant], ...]:
+        """Terms ``c J^a (I - 3)`` of the energy: c, a and the invariant I."""
+
+    def isochoric(self, H: Array, state: State) -> tuple[Array, Array, State]:
+        F, J, G = deformation(H)
+        d, C, inverse = len(H), squared(F), squared(G)
+        S, D = np.zeros_like(F), np.zeros((d,) * 4 + J.shape)
+        for c, a, invariant in self._terms():
+            value, slope, bend = invariant(C, d)
+            scale = c * J**a
+            S += scale * slope
+            D += scale * bend
+            if a:  # the derivative of J^a is a J^a C^-1
+                S += scale * a * value * inverse
+                g = inverse[:d, :d]
+                mixed = np.einsum("ij...,kl...->ijkl...", slope[:d, :d], g)
+                D += scale * a * (mixed + mixed.transpose(2, 3, 0, 1, 4, 5))
+                both = np.einsum("ij...,kl...->ijkl...", g, g)
+                turned = both.transpose(0, 2, 1, 3, 4, 5) + both.transpose(0, 2, 3, 1, 4, 5)
+                D += scale * a * value * (a * both - turned)
+        return (*first_piola(F, S, D), {})
+
+    def energy(self, H: Array, state: State) -> tuple[Array, Array]:
+        F, J, _ = deformation(H)
+        stored = self.volumetric(dilatation(H, True)[0])[0]
+        for c, a, invariant in self._terms():
+            stored = stored + c * (J**a * invariant(squared(F), 0)[0] - 3.0)
+        return stored, np.zeros_like(J)
+
+
+@with_known_keywords()
+@dataclass(frozen=True, eq=False)
+class NeoHooke(Hyperelastic):
+    r"""Compressible neo-Hooke: ``W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2``.
+
+    Plane strain, axisymmetric, solid. ``lambda = bulk - 2/3 shear``: small strains are those of linear
+    elasticity with these moduli. For rubber that keeps its volume take `MooneyRivlin` with ``C01=0``.
+
+    Parameters
+    ----------
+    shear, bulk : float
+        Moduli at small strains [stress].
+
+    Examples
+    --------
+    >>> import skfem_contact as sc
+    >>> foam = sc.materials.NeoHooke.of(E=1.0, nu=0.25)
+    >>> foam.shear, round(foam.bulk, 4)
+    (0.4, 0.6667)
+    >>> stress, _, _ = foam(np.diag([0.5, 0.0, 0.0])[:, :, None, None], {})
+    >>> stress[0, 0].round(4).tolist()
+    [[0.4415]]
+    """
+
+    shear: float
+    bulk: float
+
+    @classmethod
+    def of(cls, E: float, nu: float) -> NeoHooke:
+        """The material with these moduli at small strains."""
+        small = Elastic(E, nu)
+        return cls(small.shear, small.bulk)
+
+    def _terms(self) -> tuple[tuple[float, float, Invariant], ...]:
+        return ((0.5 * self.shear, 0.0, first),)
+
+    def volumetric(self, growth: Array) -> tuple[Array, Array, Array]:
+        mu, lam, log = self.shear, self.bulk - 2.0 / 3.0 * self.shear, np.log1p(growth)
+        J = 1.0 + growth
+        p = (lam * log - mu) / J
+        return (0.5 * lam * log - mu) * log, p, (lam - lam * log + mu) / J**2
+
+
+@with_known_keywords()
+@dataclass(frozen=True, eq=False)
+class MooneyRivlin(Hyperelastic):
+    r"""Rubber that nearly keeps its volume.
+
+    ``W = C10 (J^-2/3 I1 - 3) + C01 (J^-4/3 I2 - 3) + bulk/2 (J - 1)^2``. Plane strain, axisymmetric,
+    solid. On quadrilaterals and hexahedra of first order the change of volume is the mean of the
+    element, and they do not lock; of triangles and tetrahedra take those of second order.
+
+    Parameters
+    ----------
+    C10, C01 : float
+        Half of the shear modulus, in two parts [stress]. ``C01=0`` is neo-Hooke.
+    bulk : float
+        Bulk modulus [stress]; of rubber some 1000 times C10.
+
+    Examples
+    --------
+    >>> import skfem_contact as sc
+    >>> rubber = sc.materials.MooneyRivlin(0.293, 0.177, bulk=1410.0)
+    >>> rubber.shear
+    0.94
+    """
+
+    C10: float
+    C01: float = 0.0
+    bulk: float = field(kw_only=True)
+
+    mean_dilatation = True
+
+    @property
+    def shear(self) -> float:
+        """Shear modulus at small strains [stress]."""
+        return 2.0 * (self.C10 + self.C01)
+
+    def _terms(self) -> tuple[tuple[float, float, Invariant], ...]:
+        terms = (self.C10, -2.0 / 3.0, first), (self.C01, -4.0 / 3.0, second)
+        return tuple(term for term in terms if term[0])
+
+    def volumetric(self, growth: Array) -> tuple[Array, Array, Array]:
+        k = self.bulk
+        return 0.5 * k * growth**2, k * growth, np.full_like(growth, k)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from skfem_contact.arguments import check_switch, number, shown
 from skfem_contact.arrays import Array
 from skfem_contact.errors import InputError
-from skfem_contact.materials.tensors import deviator, dilatation, double, solid, symmetric, trace, unit
+from skfem_contact.materials.tensors import dilatation, solid, symmetric
 
 State = Mapping[str, Array]
 
@@ -170,9 +170,8 @@ class FromFunction(Material):
         self.function, self.finite_strain = function, finite_strain
         self.initial = dict(initial or {})
 
-    def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
-        stress, tangent, new = self.function(H, state)
-        return stress, tangent, new
+    def __call__(self, H: Array, state: State) -> Any:
+        return self.function(H, state)
 
 
 class FromFelupe(FromFunction):
@@ -221,41 +220,6 @@ class FromFelupe(FromFunction):
         A, stress, new = self.function(increment, e, s, z, tangent=True, **self.parameters)
         A, stress, *z = (np.asarray(value).swapaxes(-1, -2) for value in (A, stress, *new))
         return stress, A[:d, :d, :d, :d], dict(zip(state, (strain, stress, *z), strict=True))
-
-
-class Isotropic(Material):
-    """A material with Young's modulus `E` and Poisson's ratio `nu` at small strains."""
-
-    E: float
-    nu: float
-
-    def __post_init__(self) -> None:
-        take_numbers(self, E="give Young's modulus > 0", nu="give Poisson's ratio, -1 < nu < 0.5")
-        if not self.E > 0.0:
-            raise InputError(f"E = {self.E} is no modulus; it is finite and > 0.")
-        if not -1.0 < self.nu < 0.5:
-            raise InputError(
-                f"nu = {self.nu} is no Poisson's ratio of linear elasticity; it is > -1 and < 0.5."
-            )
-
-    @property
-    def bulk(self) -> float:
-        """Bulk modulus [stress]."""
-        return self.E / (3.0 * (1.0 - 2.0 * self.nu))
-
-    @property
-    def shear(self) -> float:
-        """Shear modulus [stress]."""
-        return self.E / (2.0 * (1.0 + self.nu))
-
-    def hooke(self, strain: Array) -> Array:
-        """Stress of a strain, both (3, 3, ...), by Hooke's law [stress]."""
-        return 2.0 * self.shear * deviator(strain) + self.bulk * trace(strain) * unit(strain.ndim - 2)
-
-    def stored(self, strain: Array) -> tuple[Array, Array]:
-        """Energy by volume of a strain by Hooke's law, and that dissipated, which is none."""
-        energy = 0.5 * double(self.hooke(strain), strain)
-        return energy, np.zeros_like(energy)
 
 
 def take_numbers(material: Any, **usage: str) -> None:

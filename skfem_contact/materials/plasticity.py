@@ -18,16 +18,17 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from skfem.helpers import ddot
 
-from skfem_contact.arguments import PrintedAsCall, check_switch, numbers, with_known_keywords
+from skfem_contact.arguments import check_switch, numbers, with_known_keywords
 from skfem_contact.arrays import Array
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError, MaterialError
-from skfem_contact.materials.material import Isotropic, Split, State, take_numbers
+from skfem_contact.materials.elastic import Isotropic
+from skfem_contact.materials.material import Split, State, take_numbers
 from skfem_contact.materials.tensors import (
     deviator,
     dilatation,
-    double,
     isotropic,
     logarithmic,
     solid,
@@ -46,7 +47,7 @@ USAGE = "give a number, rows of stress and plastic strain, or a function"
     hardening="write kinematic, or a table as yield_stress", sigma_y="write yield_stress"
 )
 @dataclass(frozen=True, eq=False)
-class J2(PrintedAsCall, Isotropic, Split):
+class J2(Split, Isotropic):
     """Von Mises plasticity with isotropic and linear kinematic hardening.
 
     Plane strain, axisymmetric, solid. On elements of first order the change of volume is the mean of
@@ -93,8 +94,6 @@ class J2(PrintedAsCall, Isotropic, Split):
     ([[149.6]], [[0.00182]])
     """
 
-    E: float
-    nu: float
     yield_stress: Any
     kinematic: float = field(default=0.0, kw_only=True)
     finite_strain: bool = field(default=False, kw_only=True)
@@ -136,16 +135,14 @@ class J2(PrintedAsCall, Isotropic, Split):
         return np.interp(p, at, Y), slopes[np.searchsorted(at, p, side="right") - 1]
 
     def isochoric(self, H: Array, state: State) -> tuple[Array, Array, State]:
-        if self.finite_strain:
-            return logarithmic(self._flow, H, state)
-        return self._flow(H, state)
+        return logarithmic(self._flow, H, state) if self.finite_strain else self._flow(H, state)
 
     def _flow(self, H: Array, state: State) -> tuple[Array, Array, State]:
         """The deviator of the stress at small strains, its derivative, and internal variables."""
         d, mu = len(H), self.shear
         old, p = state["plastic_strain"], state["equivalent_plastic_strain"]
         xi = 2.0 * mu * deviator(symmetric(solid(H))) - (2.0 * mu + self.kinematic / 1.5) * old
-        q = np.sqrt(1.5 * double(xi, xi))
+        q = np.sqrt(1.5 * ddot(xi, xi))
         dp = np.zeros_like(q)
         grows = np.zeros_like(q)  # share of q that p takes in further loading
         flows = q > self.yields(p)[0]
@@ -191,8 +188,8 @@ class J2(PrintedAsCall, Isotropic, Split):
     def energy(self, H: Array, state: State) -> tuple[Array, Array]:
         strain = undeformed_axes(H) if self.finite_strain else symmetric(solid(H))
         strain = strain - state["plastic_strain"]
-        back = self.kinematic / 3.0 * double(state["plastic_strain"], state["plastic_strain"])
-        elastic = self.shear * double(deviator(strain), deviator(strain))
+        back = self.kinematic / 3.0 * ddot(state["plastic_strain"], state["plastic_strain"])
+        elastic = self.shear * ddot(deviator(strain), deviator(strain))
         growth = dilatation(H, self.finite_strain)[0]
         work = self._work(state["equivalent_plastic_strain"])
         return elastic + back + self.volumetric(growth)[0], work

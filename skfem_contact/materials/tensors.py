@@ -19,6 +19,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from skfem.helpers import ddot, det, inv, trace, transpose
 
 from skfem_contact.arrays import Array
 from skfem_contact.errors import MaterialError
@@ -51,18 +52,9 @@ def symmetric(H: Array) -> Array:
     return 0.5 * (H + H.swapaxes(0, 1))
 
 
-def trace(T: Array) -> Array:
-    return np.asarray(np.einsum("ii...->...", T))
-
-
 def deviator(T: Array) -> Array:
     """Return a tensor (3, 3, ...) less its mean on the diagonal."""
     return T - trace(T) / 3.0 * unit(T.ndim - 2)
-
-
-def double(A: Array, B: Array) -> Array:
-    """Return the product ``A_ij B_ij``."""
-    return np.asarray(np.einsum("ij...,ij...->...", A, B))
 
 
 def isotropic(bulk: float, shear: float, d: int) -> Array:
@@ -112,14 +104,13 @@ def first_piola(F: Array, S: Array, D: Array) -> tuple[Array, Array]:
 def deformation(H: Array) -> tuple[Array, Array, Array]:
     """Return F (3, 3, e, q), its determinant (e, q), which has to be positive, and F^-T."""
     F = solid(H) + unit(H.ndim - 2)
-    cofactor = np.cross(F[:, [1, 2, 0]], F[:, [2, 0, 1]], axis=0)
-    J = np.einsum("i...,i...->...", F[:, 0], cofactor[:, 0])
+    J = det(F)
     if not (J > 0).all():  # or NaN
         raise MaterialError(
             f"an element is turned inside out: det F = {np.nanmin(J):.3g}",
             int(np.argwhere(~(J > 0))[0, 0]),
         )
-    return F, J, cofactor / J
+    return F, J, transpose(inv(F))
 
 
 def dilatation(H: Array, finite: bool) -> tuple[Array, Array, Any]:
@@ -135,9 +126,8 @@ def dilatation(H: Array, finite: bool) -> tuple[Array, Array, Any]:
     g = G[: len(H), : len(H)]
     bend = np.einsum("ij...,kl...->ijkl...", J * g, g)
     h = solid(H)
-    second = 0.5 * (small**2 - np.einsum("ij...,ji...->...", h, h))
-    third = np.einsum("i...,i...->...", h[:, 0], np.cross(h[:, 1], h[:, 2], axis=0))
-    return small + second + third, J * G, bend - bend.transpose(0, 3, 2, 1, 4, 5)
+    growth = small + 0.5 * (small**2 - ddot(h, transpose(h))) + det(h)
+    return growth, J * G, bend - bend.transpose(0, 3, 2, 1, 4, 5)
 
 
 # -- logarithmic strain ---------------------------------------------------------------------
@@ -166,11 +156,10 @@ def logarithmic(
     first, second = _first(values[:, None], values), _second(values[:d])
     # dS_ac = 1/2 D_acbd dC_bd: of the law, and of principal axes and stretches that change
     f, t, one = first[:d, :d], T[:d, :d], np.eye(d)
-    D = f[:, :, None, None] * f * A
     g = np.einsum("acb...,ab...->abc...", second, t)
     turns = np.einsum("abc...,cd->acbd...", g, one)
     turns = turns + turns.swapaxes(0, 1)
-    D = D + turns + turns.swapaxes(2, 3)
+    D = f[:, :, None, None] * f * A + turns + turns.swapaxes(2, 3)
     n = N[:d, :d]
     turn = np.einsum("ia...,jc...->ijac...", n, n)
     D = np.einsum("ijac...,acbd...,klbd...->ijkl...", turn, D, turn, optimize=True)
@@ -185,8 +174,7 @@ def principal(H: Array) -> tuple[Array, Array, Array]:
     N[2, 2] = 1.0
     found, axes = np.linalg.eigh(np.moveaxis(beyond[:d, :d], (0, 1), (-2, -1)))
     x[:d], N[:d, :d] = np.moveaxis(found, -1, 0), np.moveaxis(axes, (-2, -1), (0, 1))
-    for i in range(d):
-        strain[i, i] = 0.5 * np.log1p(x[i])
+    strain[range(d), range(d)] = 0.5 * np.log1p(x[:d])
     return 1.0 + x, N, strain
 
 

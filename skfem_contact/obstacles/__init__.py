@@ -3,14 +3,14 @@
 * `obstacle`: what every obstacle does, and what is made of straight facets; how motions are written,
   turns in space included;
 * `shapes`: planes, cylinders, spheres; a function of position;
-* `polyline`, `triangles`: an outline of edges; a surface of triangles, from a file; `bends`: their
-  flats, along the bends beside them;
+* `faceted`: an outline of edges; a surface of triangles, from a file; `bends`: their flats, along the
+  bends beside them;
 * `rigid_body`: an obstacle with the DOFs of its motion, one of the bodies.
 """
 
 from typing import TYPE_CHECKING
 
-from skfem_contact.entrances import entrances
+from skfem_contact.records import entrances
 
 if TYPE_CHECKING:
     from skfem_contact.obstacles.shapes import LevelSet as LevelSet

@@ -16,18 +16,15 @@ from scipy.sparse import coo_matrix, csr_matrix, identity, vstack
 from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.arrays import Array, Index, Mask
-from skfem_contact.bodies.normal_field import bends, end_slopes
+from skfem_contact.bodies.normal_field import BENT, STEEPEST, bends, end_slopes
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.bodies.thresholds import BENT, STEEPEST
-from skfem_contact.digits import SOLVED
+from skfem_contact.digits import SINGLE, SOLVED
 from skfem_contact.records import dataclass
 
 #: Part of a flat edge, or of the height of a triangle, over which its normals turn towards a bend at
 #: its end. Longer, and friction on flats leans by the bend; shorter, and points that pass it meet a
 #: corner.
 ROUNDED = 1 / 8
-#: ... at least: slivers are no chamfers, and narrower triangles would have no height in their digits.
-NARROW = 1e-3
 #: A piece of a curved surface bends to all sides: what is left of the sum of its bends, each along the
 #: way across its edge, is less than this part of them. Beside one chamfer it is all of them.
 ONE_SIDED = 0.8
@@ -215,7 +212,8 @@ class _Cut:
         most = np.full(corner.max() + 1, ROUNDED)
         for end in (e, (e + 1) % 3):  # no wider than half of the chamfer
             np.minimum.at(most, corner[f, end], 0.5 * beyond / patches.heights[f, e])
-        return np.asarray(np.maximum(most, NARROW)[corner])
+        # triangles beside slivers keep a height, in the digits of a file as well
+        return np.asarray(np.maximum(most, SINGLE)[corner])
 
     def cut(self) -> tuple[csr_matrix, Index]:
         """See `cut_triangles`."""

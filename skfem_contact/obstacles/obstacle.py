@@ -18,12 +18,12 @@ from scipy.sparse import csr_matrix, identity
 
 from skfem_contact.arguments import PrintedAsCall, check_kind, check_name, numbers, shown
 from skfem_contact.arrays import Array, Index, sizes, tangents
-from skfem_contact.bodies.facets import area_vectors
+from skfem_contact.bodies.facet_kinds import area_vectors
 from skfem_contact.bodies.surface import ContactSurface, bare_surface
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.node import Pairing, gap_vectors, node_to_segment
-from skfem_contact.pairing.thresholds import FACING
+from skfem_contact.pairing.search import FACING
 from skfem_contact.sealed import sealed
 
 #: Weights of the corners, for the corners of new facets, and these; None where none is cut.
@@ -250,8 +250,6 @@ def volume(points: Array, facets: Index) -> float:
 # -- how motions are written -----------------------------------------------------------------------
 
 
-#: Angles below this have their factors by series: what the quotients lose of their digits.
-SMALL = 1e-2
 #: Five Gauss points on [0, 1]: over half a turn the spin is integrated to 1e-8, about a fixed axis
 #: it is constant.
 NODES, WEIGHTS = (np.polynomial.legendre.leggauss(5)[k] for k in range(2))
@@ -284,10 +282,9 @@ def spin(start: Array, end: Array) -> Array:
     for at, weight in zip(0.5 * (NODES + 1), 0.5 * WEIGHTS, strict=True):
         vector = start + at * change
         angle = float(np.linalg.norm(vector))
-        square = angle**2
-        first, second = 0.5 - square / 24, 1 / 6 - square / 120
-        if angle > SMALL:
-            first, second = (1 - np.cos(angle)) / square, (angle - np.sin(angle)) / angle**3
+        first = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+        # the digits that it loses where angles are small are those that [v]^2 takes off
+        second = (1 - np.sinc(angle / np.pi)) / angle**2 if angle**2 > 0 else 0.0
         once = np.cross(vector, change)
         total += weight * (change + first * once + second * np.cross(vector, once))
     return total

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import check_name, check_switch, number, numbers, take, with_known_keywords
 from skfem_contact.arrays import Array
+from skfem_contact.bodies.normal_field import BENT
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.carried import carried
 from skfem_contact.digits import COMPUTED, SINGLE, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import (
@@ -26,6 +26,7 @@ from skfem_contact.obstacles.obstacle import (
     rigid_motion,
 )
 from skfem_contact.records import dataclass
+from skfem_contact.sealed import carried
 
 Paired = NDArray[np.bool_]
 
@@ -254,9 +255,6 @@ class RigidSphere(Round):
 #: Steps of central differences, as fractions of the size of the surface: for gradients (the cube
 #: root of round-off) and for second derivatives, which only steer the Newton steps.
 DIFFERENCES = (1e-5, 1e-4)
-#: An angle [rad] between a gradient and central differences, which have some nine digits, that no
-#: round-off explains; it moves a normal by as much. Curvature tells one-sided quotients apart by 1e-5.
-OFF = 1e-3
 
 
 @with_known_keywords()
@@ -388,13 +386,15 @@ class LevelSet(Obstacle):
         behind = np.stack([here - self._value(x - h) for h in shifts], axis=1) / step
         grows, given = 0.5 * (ahead + behind), self._gradient(x, size)
         lengths = np.linalg.norm(grows, axis=1), np.linalg.norm(given, axis=1)
-        smooth = np.linalg.norm(ahead - behind, axis=1) <= OFF * lengths[0]
+        smooth = np.linalg.norm(ahead - behind, axis=1) <= BENT * lengths[0]
         units = [
             v / np.where(n > 0, n, 1.0)[:, None] for v, n in zip((grows, given), lengths, strict=True)
         ]
         off = np.where(smooth & (lengths[0] > 0), np.linalg.norm(units[0] - units[1], axis=1), 0.0)
         worst = int(np.argmax(off))
-        if off[worst] > OFF:
+        # no round-off explains it: differences have some nine digits; curvature tells one-sided ones
+        # apart by 1e-5
+        if off[worst] > BENT:
             raise InputError(
                 f"gradient of {self.label!r} is not that of its function: at {written(x[worst])} it is "
                 f"{written(given[worst])}, but the function grows by {written(grows[worst])} per "

@@ -1,4 +1,7 @@
-"""Pictures of deformed bodies, with matplotlib (the extra ``plot``)."""
+"""Pictures of deformed bodies, with matplotlib (the extra ``plot``).
+
+In space they turn in a window of PyVista (the extra ``scene``), where what is behind is hidden.
+"""
 
 from __future__ import annotations
 
@@ -9,24 +12,30 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.arguments import check_switch, known_keywords, numbers
+from skfem_contact.arguments import check_switch, known_keywords, members, numbers
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.member import Member
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import InputError
 from skfem_contact.output.drawing import (
     FRICTION,
     LINES,
-    LONGEST,
     PLAIN,
+    Box,
+    View,
     arc_length,
     arrow_heads,
     colour_bar,
     draw_lines,
+    gaps_overlap,
     is_solid,
     limits,
     new_axes,
     note,
+    placed_tools,
+    view,
+    with_tools,
 )
 from skfem_contact.output.fields import (
     USAGE,
@@ -44,14 +53,15 @@ from skfem_contact.output.solids import (
     UP,
     VIEWER,
     body_part,
+    colour_map,
     cut_cells,
     frame_of,
     picture,
+    plotter_of,
     tool_parts,
 )
 from skfem_contact.output.stress import field_values
-from skfem_contact.output.tools import tools
-from skfem_contact.output.view import Box, View, gaps_overlap, placed_tools, view, with_tools
+from skfem_contact.output.tools import BESIDE, tools
 
 
 @known_keywords()
@@ -237,7 +247,7 @@ def _arrows(ax: Any, result: ContactResult, seen: View, box: Box) -> tuple[Array
     peak = max(float(size.max(initial=0.0)) for size in sizes)
     if peak == 0.0:
         return np.zeros((0, 2)), 0.0
-    length = LONGEST * float(np.max(box[1] - box[0])) / peak
+    length = BESIDE * float(np.max(box[1] - box[0])) / peak
     for contact, values, place, size in zip(result.contacts, result.values, heads, sizes, strict=True):
         order = np.argsort(arc_length(contact.secondary, values.status != OPEN))
         head = place[order]
@@ -280,3 +290,129 @@ def _figure_size(box: Box) -> tuple[float, float]:
     ratio = float(np.clip(height / width, 0.3, 1.8)) if width > 0 else 1.0
     wide = 6.0 / max(1.0, ratio)
     return wide + 1.6, wide * ratio + 0.8
+
+
+@known_keywords()
+def scene(
+    result: ContactResult,
+    scale: float | Literal["auto"] = "auto",
+    stress: OneStress | None = None,
+    *,
+    bodies: Sequence[Member | str] | None = None,
+    component: str | None = None,
+    arrows: bool = True,
+    label: str | None = None,
+    cmap: str = "YlGnBu",
+    units: Mapping[str, str] | None = None,
+    off_screen: bool | None = None,
+) -> Any:
+    """The deformed bodies and rigid obstacles in space, to be turned, or to be saved as a picture.
+
+    Better than `plot_deformed` where bodies hide each other. It needs PyVista, which has a window of
+    its own and a form for notebooks.
+
+    Parameters
+    ----------
+    result : ContactResult
+    scale, stress, component, label, cmap, units
+        As in `plot_deformed`.
+    bodies : sequence of Body or str, optional
+        Those that are shown: what touches is seen with the body before it left out. By default all.
+    arrows : bool
+        Draw the traction on the secondary surfaces of solids, if their bodies are shown.
+    off_screen : bool, optional
+        Without a window, for ``screenshot``; by default as PyVista is set up.
+
+    Returns
+    -------
+    pyvista.Plotter
+        ``.show()`` opens it, ``.screenshot("picture.png")`` saves it, and all else of PyVista is there.
+
+    Raises
+    ------
+    InputError
+        If PyVista is missing, the problem has no displacements, or there is no such body.
+
+    Examples
+    --------
+    Without PyVista the scene says what to install; with it the last two lines save a picture.
+
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> mesh = fem.MeshHex().refined(1).with_boundaries({"low": lambda x: x[2] < 1e-9})
+    >>> basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
+    >>> cube = sc.Body(basis, linear_elasticity(), f={"low": (0, 0, -1e-3)}, name="cube")
+    >>> floor = sc.RigidPlane((0, 0, 0), (0, 0, 1))
+    >>> glue = sc.Contact(cube.surface("low"), floor, tied=True)
+    >>> result = sc.ContactSolver(cube, glue).solve()
+    >>> plotter = sc.output.scene(result, off_screen=True)  # doctest: +SKIP
+    >>> plotter.screenshot("cube.png")  # doctest: +SKIP
+    """
+    solid, words = is_solid(result), checked_units(units)
+    try:
+        import pyvista  # optional, and slow to import
+    except ImportError:
+        raise InputError(
+            "scene needs PyVista, which is not installed: pip install 'skfem-contact[scene]'; "
+            "plot_deformed draws solids by matplotlib"
+        ) from None
+    seen, shown = view(result, scale), _chosen(result, bodies)
+    label = label or colour_name(stress, component, words)
+    values = [colours(result, body, stress, component) for body in shown]
+    parts = [body_part(result, body, seen, v) for body, v in zip(shown, values, strict=True)]
+    x = np.concatenate([part.points for part in parts])[:, : 3 if solid else 2]
+    low, high = x.min(axis=0), x.max(axis=0)
+    parts += tool_parts(result, seen, with_tools(result, seen, (low, high)))
+    # wide labels of the last tick stay in the picture
+    bar = {"title": f"{label}\n", "color": "black", "fmt": "%.3g", "width": 0.5, "position_x": 0.3}
+    plotter = plotter_of(pyvista, parts, colour_map(cmap, limits(values)), off_screen, **bar)
+    remarks = [seen.words]
+    if arrows and solid:
+        remarks += _arrows_in_space(
+            pyvista, plotter, result, shown, seen, float(np.max(high - low)), words
+        )
+    plotter.add_text("\n".join(remarks), font_size=9, color="black")
+    plotter.add_axes(color="black")
+    plotter.camera_position = "iso" if solid else "xy"
+    return plotter
+
+
+def _chosen(result: ContactResult, bodies: Sequence[Member | str] | None) -> list[Any]:
+    """The bodies that are shown."""
+    solids = list(result.system.solids.values())
+    if bodies is None:
+        return solids
+    usage = "give bodies of the result, or their names"
+    # of either kind: a string is one name, not a sequence of letters
+    given = members(bodies, (Member, str), "bodies", usage, "Body or name")
+    wished = [result.system.bodies[result.system.index(body)] for body in given]
+    found = [body for body in solids if any(body is own for own in wished)]
+    if not found:
+        raise InputError(f"bodies has none with a mesh; {usage}")
+    return found
+
+
+def _arrows_in_space(
+    pyvista: Any,
+    plotter: Any,
+    result: ContactResult,
+    shown: list[Any],
+    seen: View,
+    size: float,
+    units: Mapping[str, str],
+) -> list[str]:
+    """Tractions on secondary surfaces, the longest 8 % of the scene; what is to be said of them."""
+    drawn = [values for values in result if any(values.surface.body is body for body in shown)]
+    lengths = [np.linalg.norm(values.traction, axis=1) for values in drawn]
+    peak = max((float(length.max(initial=0.0)) for length in lengths), default=0.0)
+    if peak == 0.0:
+        return []
+    for values in drawn:
+        way = BESIDE * size / peak * values.traction
+        tails = pyvista.PolyData(seen.surface(result, values.surface) - way)
+        tails.point_data["way"] = way
+        glyphs = tails.glyph(orient="way", scale="way", factor=1.0)
+        if glyphs.n_points:  # PyVista refuses empty meshes
+            plotter.add_mesh(glyphs, color=FRICTION)
+    return [f"longest arrow: {quantity(peak, 'stress', units)}"]

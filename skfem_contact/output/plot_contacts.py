@@ -1,19 +1,25 @@
-"""Pictures of one contact, with matplotlib (the extra ``plot``)."""
+"""Pictures of contacts, with matplotlib (the extra ``plot``): one, all joints, pairs of surfaces."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.result import ContactResult
+from skfem_contact.answers.values import ContactValues
 from skfem_contact.arguments import known_keywords
-from skfem_contact.arrays import Array
+from skfem_contact.arrays import Array, Mask
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.friction_rule import CheckedLaw
-from skfem_contact.conditions.state import OPEN, STATUS
+from skfem_contact.conditions.friction import CheckedLaw
+from skfem_contact.conditions.interface import contact_names
+from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
+from skfem_contact.errors import InputError
 from skfem_contact.output.drawing import (
     ABOVE,
     FRICTION,
@@ -21,6 +27,8 @@ from skfem_contact.output.drawing import (
     PRESSURE,
     SHADES,
     arc_length,
+    arrow_heads,
+    colour_bar,
     is_solid,
     new_axes,
     new_figure,
@@ -28,8 +36,18 @@ from skfem_contact.output.drawing import (
     open_words,
     which,
 )
-from skfem_contact.output.fields import checked_units, labelled
-from skfem_contact.output.solids import draw_contact
+from skfem_contact.output.fields import checked_units, labelled, quantity
+from skfem_contact.output.solids import (
+    STUCK,
+    UP,
+    VIEWER,
+    Part,
+    edge_lines,
+    faces_part,
+    frame_of,
+    picture,
+)
+from skfem_contact.output.tools import BESIDE
 
 
 @known_keywords()
@@ -184,3 +202,169 @@ def _shade(ax: Any, s: Array, status: NDArray[np.intp]) -> None:
             label = None if k in named else STATUS[k]
             ax.axvspan(middle[a], middle[b], color=SHADES[k], lw=0, zorder=0, label=label)
             named.add(k)
+
+
+def draw_contact(values: ContactValues, ax: Any, units: Mapping[str, str]) -> Any:
+    """The secondary surface around what touches, coloured by pressure, seen from the other side."""
+    surface, closed = values.surface, values.status != OPEN
+    shown = _near(surface, closed)
+    frame = _facing(surface, shown, closed)
+    facing = shown & (surface.facet_normals @ frame[2] > 0)
+    edges = edge_lines(
+        surface, surface.points, np.repeat(facing[:, None], surface.kind.corners, axis=1)
+    )
+    part = faces_part(surface, shown, surface.points, values.pressure, np.zeros((0, 2, 3)))
+    largest = float(values.pressure.max(initial=0.0))
+    part = replace(part, shaded=False)  # colours are those of the bar
+    ax, image = picture([part], ax, frame, "YlGnBu", (0.0, largest), units)
+    _lines(ax, edges @ frame[:2].T, colors=LINES, linewidths=0.3, alpha=0.6)
+    if len(values.contact_edges):
+        rim = values.contact_edges @ frame[:2].T
+        _lines(ax, rim, colors="black", linewidths=1.4, label="edge of contact")
+    _states(ax, values, facing, frame, units)
+    colour_bar(ax, image, labelled("pressure", "stress", units), shrink=0.7, pad=0.02)
+    ax.set_title(f"{values.name}: {surface.label}, seen from the other side", fontsize="medium")
+    if not closed.any():
+        note(ax, [open_words(values, units)], part.points @ frame[:2].T)
+    if ax.get_legend_handles_labels()[1]:  # below, where nothing is drawn
+        below = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 0.2}
+        ax.legend(**below, frameon=False, fontsize="small")
+    return ax
+
+
+def _lines(ax: Any, lines: Array, **style: Any) -> None:
+    from matplotlib.collections import LineCollection
+
+    ax.add_collection(LineCollection(list(lines), zorder=3, **style))
+
+
+def _states(
+    ax: Any, values: ContactValues, facing: Mask, frame: Array, units: Mapping[str, str]
+) -> None:
+    """Draw points that stick as dots, points that slip as arrows of their friction."""
+    if values.contact.friction is None:
+        return
+    there, at = np.zeros(len(values.points), dtype=bool), values.points @ frame[:2].T
+    there[values.surface.facets[facing]] = True
+    stuck = there & (values.status == STICK)
+    if stuck.any():
+        ax.scatter(*at[stuck].T, s=14, color=STUCK, zorder=4, label="sticks")
+    pressing = np.einsum("ik,ik->i", values.traction, values.normal)
+    friction = values.traction - pressing[:, None] * values.normal
+    size = np.linalg.norm(friction, axis=1)
+    slipping = np.where(there & (values.status == SLIP), size, 0.0)
+    slips = arrow_heads(slipping, float(size.max(initial=0.0)), 120)
+    if len(slips):
+        arrow = (
+            BESIDE * float(np.ptp(at[there], axis=0).max()) / size.max() * friction[slips] @ frame[:2].T
+        )
+        longest = quantity(float(size.max()), "stress", units)
+        ax.quiver(
+            *(at[slips] - 0.5 * arrow).T, *arrow.T, angles="xy", scale_units="xy", scale=1.0,
+            color=FRICTION, width=1.0, units="dots", headwidth=4.5, zorder=4,
+        )  # fmt: skip
+        ax.plot([], [], color=FRICTION, label=f"slips: friction on this side, up to {longest}")
+
+
+def _near(surface: ContactSurface, closed: Mask) -> Mask:
+    """Faces around what touches: all, if nothing does."""
+    if not closed.any():
+        return np.ones(len(surface.facets), dtype=bool)
+    x = surface.points
+    low, high = x[closed].min(axis=0), x[closed].max(axis=0)
+    margin = 0.25 * float(np.max(high - low)) + float(np.median(surface.lengths))
+    middle = x[surface.facets].mean(axis=1)
+    return np.asarray(np.all((middle >= low - margin) & (middle <= high + margin), axis=1))
+
+
+def _facing(surface: ContactSurface, shown: Mask, closed: Mask) -> Array:
+    """Half a radian off from what looks out of the faces: enough to see that it is no plane picture."""
+    touching = shown & closed[surface.facets].any(axis=1)
+    some = touching if touching.any() else shown
+    normal = (surface.facet_areas[some, None] * surface.facet_normals[some]).sum(axis=0)
+    size = float(np.linalg.norm(normal))
+    normal = normal / size if size > 0 else np.array(UP)
+    viewer = np.array(VIEWER) * (1.0, 1.0, 0.0) / np.hypot(*VIEWER[:2])
+    aside = viewer - (viewer @ normal) * normal
+    if np.linalg.norm(aside) < 0.3:  # seen from the side: a little above
+        aside = np.array(UP) - normal[2] * normal
+    eye = np.cos(0.5) * normal + np.sin(0.5) * aside / np.linalg.norm(aside)
+    return frame_of(eye, UP)
+
+
+def plot_pairs(contacts: Sequence[Contact], ax: Any = None) -> Any:
+    """Draw the two surfaces of each contact in one colour, and the bodies pale; with matplotlib.
+
+    Parameters
+    ----------
+    contacts : FoundContacts or sequence of Contact
+        Contacts with rigid obstacles are left out.
+    ax : matplotlib axes, optional
+        Plain ones, for solids too. A new figure if not given.
+
+    Returns
+    -------
+    matplotlib axes
+
+    Raises
+    ------
+    InputError
+        There is no pair of surfaces.
+
+    Examples
+    --------
+    >>> import skfem as fem
+    >>> import skfem_contact as sc
+    >>> from skfem.models.elasticity import linear_elasticity
+    >>> element = fem.ElementVector(fem.ElementQuad1())
+    >>> low = fem.MeshQuad().refined(2).with_defaults()
+    >>> meshes = {"block": low, "lid": low.translated((0.0, 1.01))}
+    >>> bodies = [
+    ...     sc.Body(fem.Basis(mesh, element), linear_elasticity(), name=name)
+    ...     for name, mesh in meshes.items()
+    ... ]
+    >>> ax = plot_pairs(sc.find_contacts(bodies, within=0.02))
+    >>> len(ax.get_legend().get_texts())
+    1
+    """
+    drawn = [
+        (name, (contact.secondary, contact.primary))
+        for name, contact in zip(contact_names(contacts), contacts, strict=True)
+        if isinstance(contact.primary, ContactSurface)
+    ]
+    if not drawn:
+        raise InputError("there are no pairs to draw; print(pairs) says what was near")
+    bodies = {id(side.body): side.body for _, both in drawn for side in both}
+    whole = [body.surface(None) for body in bodies.values() if isinstance(body, Body)]
+    shades = [(f"C{i % 10}", both, name) for i, (name, both) in enumerate(drawn)]
+    if whole[0].dim == 3:  # pairs are seen through bodies
+        parts = [_part(surface, "#dddddd", 0.25) for surface in whole]
+        parts += [_part(side, colour, 1.0) for colour, both, _ in shades for side in both]
+        ax, _ = picture(parts, ax, frame_of(VIEWER, UP), "YlGnBu", (0.0, 1.0), {})
+    else:
+        ax = new_axes(ax, (7.0, 5.2))
+        _add(ax, whole, LINES, 0.8, 0.4)
+        for colour, both, _ in shades:
+            _add(ax, both, colour, 3.0, 0.8)
+        ax.set(aspect="equal", xlabel="x", ylabel="y")
+        ax.margins(0.05)
+    for colour, _, name in shades:
+        ax.plot([], [], "s", color=colour, label=name)
+    ax.legend(**ABOVE | {"ncols": 3, "fontsize": "small", "frameon": False})
+    return ax
+
+
+def _part(surface: ContactSurface, colour: str, opacity: float) -> Part:
+    """All of a surface in one colour."""
+    every = np.ones(len(surface.facets), dtype=bool)
+    part = faces_part(surface, every, surface.points, colour, np.zeros((0, 2, 3)))
+    return replace(part, opacity=opacity)
+
+
+def _add(ax: Any, surfaces: Sequence[ContactSurface], colour: str, width: float, alpha: float) -> None:
+    """Surfaces of plane bodies as lines."""
+    from matplotlib.collections import LineCollection  # optional, and slow to import
+
+    for surface in surfaces:
+        lines = surface.points[surface.facets[:, surface.kind.simplices].reshape(-1, 2)]
+        ax.add_collection(LineCollection(list(lines), colors=colour, linewidths=width, alpha=alpha))

@@ -9,6 +9,7 @@ import numpy as np
 
 from skfem_contact.answers.answer import answer_of, contact_forces
 from skfem_contact.answers.result import ContactResult
+from skfem_contact.answers.tangent.modes import Damping
 from skfem_contact.arguments import check_kind, known_keywords, members, numbers, shown, suggest
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
@@ -17,7 +18,6 @@ from skfem_contact.bodies.selection import boundary_dofs
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.state import STATUS
 from skfem_contact.errors import InputError
-from skfem_contact.history.damping import Damping
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.output.drawing import (
     ABOVE,

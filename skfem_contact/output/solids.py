@@ -20,30 +20,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.answers.values import ContactValues
 from skfem_contact.arguments import numbers
 from skfem_contact.arrays import Array, Index, Mask, check_finite
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.output.drawing import (
-    FRICTION,
     LINES,
-    LONGEST,
     PLAIN,
+    ROUND,
     TOOL,
-    arrow_heads,
-    colour_bar,
+    Box,
+    View,
     new_axes,
-    note,
-    open_words,
+    placed_tools,
 )
-from skfem_contact.output.fields import body_cells, body_nodes, labelled, quantity, three
-from skfem_contact.output.tools import AROUND
-from skfem_contact.output.view import ROUND, Box, View, placed_tools
+from skfem_contact.output.fields import body_cells, body_nodes, quantity, three
+from skfem_contact.output.tools import BESIDE
 from skfem_contact.records import dataclass
 
 #: From where solids are seen, and what is above there.
@@ -75,9 +70,6 @@ class Part:
     lines: Array
     opacity: float = 1.0
     shaded: bool = True
-
-
-# -- parts ----------------------------------------------------------------------------------------
 
 
 def body_part(result: ContactResult, body: Body, seen: View, values: Array) -> Part:
@@ -140,7 +132,7 @@ def edge_lines(surface: ContactSurface, places: Array, chosen: Mask) -> Array:
 
 def tool_parts(result: ContactResult, seen: View, box: Box) -> list[Part]:
     """Rigid obstacles as far as they are in a box and near it; bodies are seen through them."""
-    room = AROUND * float(np.max(box[1] - box[0]))
+    room = BESIDE * float(np.max(box[1] - box[0]))
     parts = []
     for points, cells in placed_tools(result, seen, box):
         lines, x, triangles = np.zeros((0, 2, 3)), np.zeros((0, 3)), np.zeros((0, 3), dtype=int)
@@ -181,9 +173,6 @@ def _beyond(polygon: Array, height: Array) -> Array:
             part = height[i] / (height[i] - after[i])
             points.append(polygon[i] + part * (there[i] - polygon[i]))
     return np.array(points).reshape(-1, 3)
-
-
-# -- pictures -------------------------------------------------------------------------------------
 
 
 def frame_of(viewer: Sequence[float] | Array, up: Sequence[float] | Array) -> Array:
@@ -378,98 +367,3 @@ def _triad(ax: Any, frame: Array, shown: Box, units: Mapping[str, str]) -> float
     place = low[0] + float(np.ptp(np.append(ends[:, 0], 0.0))) + 0.5 * wish, low[1] - 0.5 * height
     ax.text(*place, quantity(length, "length", units), va="center", fontsize="small", color=LINES)
     return height + 0.15 * wish
-
-
-# -- one contact ----------------------------------------------------------------------------------
-
-
-def draw_contact(values: ContactValues, ax: Any, units: Mapping[str, str]) -> Any:
-    """The secondary surface around what touches, coloured by pressure, seen from the other side."""
-    surface, closed = values.surface, values.status != OPEN
-    shown = _near(surface, closed)
-    frame = _facing(surface, shown, closed)
-    facing = shown & (surface.facet_normals @ frame[2] > 0)
-    edges = edge_lines(
-        surface, surface.points, np.repeat(facing[:, None], surface.kind.corners, axis=1)
-    )
-    part = faces_part(surface, shown, surface.points, values.pressure, np.zeros((0, 2, 3)))
-    largest = float(values.pressure.max(initial=0.0))
-    part = replace(part, shaded=False)  # colours are those of the bar
-    ax, image = picture([part], ax, frame, "YlGnBu", (0.0, largest), units)
-    _lines(ax, edges @ frame[:2].T, colors=LINES, linewidths=0.3, alpha=0.6)
-    if len(values.contact_edges):
-        rim = values.contact_edges @ frame[:2].T
-        _lines(ax, rim, colors="black", linewidths=1.4, label="edge of contact")
-    _states(ax, values, facing, frame, units)
-    colour_bar(ax, image, labelled("pressure", "stress", units), shrink=0.7, pad=0.02)
-    ax.set_title(f"{values.name}: {surface.label}, seen from the other side", fontsize="medium")
-    if not closed.any():
-        note(ax, [open_words(values, units)], part.points @ frame[:2].T)
-    if ax.get_legend_handles_labels()[1]:  # below, where nothing is drawn
-        below = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 0.2}
-        ax.legend(**below, frameon=False, fontsize="small")
-    return ax
-
-
-def _lines(ax: Any, lines: Array, **style: Any) -> None:
-    from matplotlib.collections import LineCollection
-
-    ax.add_collection(LineCollection(list(lines), zorder=3, **style))
-
-
-def _states(
-    ax: Any, values: ContactValues, facing: Mask, frame: Array, units: Mapping[str, str]
-) -> None:
-    """Draw points that stick as dots, points that slip as arrows of their friction."""
-    if values.contact.friction is None:
-        return
-    there, at = np.zeros(len(values.points), dtype=bool), values.points @ frame[:2].T
-    there[values.surface.facets[facing]] = True
-    stuck = there & (values.status == STICK)
-    if stuck.any():
-        ax.scatter(*at[stuck].T, s=14, color=STUCK, zorder=4, label="sticks")
-    pressing = np.einsum("ik,ik->i", values.traction, values.normal)
-    friction = values.traction - pressing[:, None] * values.normal
-    size = np.linalg.norm(friction, axis=1)
-    slipping = np.where(there & (values.status == SLIP), size, 0.0)
-    slips = arrow_heads(slipping, float(size.max(initial=0.0)), 120)
-    if len(slips):
-        arrow = (
-            LONGEST
-            * float(np.ptp(at[there], axis=0).max())
-            / size.max()
-            * friction[slips]
-            @ frame[:2].T
-        )
-        longest = quantity(float(size.max()), "stress", units)
-        ax.quiver(
-            *(at[slips] - 0.5 * arrow).T, *arrow.T, angles="xy", scale_units="xy", scale=1.0,
-            color=FRICTION, width=1.0, units="dots", headwidth=4.5, zorder=4,
-        )  # fmt: skip
-        ax.plot([], [], color=FRICTION, label=f"slips: friction on this side, up to {longest}")
-
-
-def _near(surface: ContactSurface, closed: Mask) -> Mask:
-    """Faces around what touches: all, if nothing does."""
-    if not closed.any():
-        return np.ones(len(surface.facets), dtype=bool)
-    x = surface.points
-    low, high = x[closed].min(axis=0), x[closed].max(axis=0)
-    margin = 0.25 * float(np.max(high - low)) + float(np.median(surface.lengths))
-    middle = x[surface.facets].mean(axis=1)
-    return np.asarray(np.all((middle >= low - margin) & (middle <= high + margin), axis=1))
-
-
-def _facing(surface: ContactSurface, shown: Mask, closed: Mask) -> Array:
-    """Half a radian off from what looks out of the faces: enough to see that it is no plane picture."""
-    touching = shown & closed[surface.facets].any(axis=1)
-    some = touching if touching.any() else shown
-    normal = (surface.facet_areas[some, None] * surface.facet_normals[some]).sum(axis=0)
-    size = float(np.linalg.norm(normal))
-    normal = normal / size if size > 0 else np.array(UP)
-    viewer = np.array(VIEWER) * (1.0, 1.0, 0.0) / np.hypot(*VIEWER[:2])
-    aside = viewer - (viewer @ normal) * normal
-    if np.linalg.norm(aside) < 0.3:  # seen from the side: a little above
-        aside = np.array(UP) - normal[2] * normal
-    eye = np.cos(0.5) * normal + np.sin(0.5) * aside / np.linalg.norm(aside)
-    return frame_of(eye, UP)

@@ -17,16 +17,15 @@ import numpy as np
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arrays import Array, Index
-from skfem_contact.conditions.loads import Motion
+from skfem_contact.conditions.state import Motion
+from skfem_contact.obstacles.faceted import RigidPolyline, RigidSurface
 from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.obstacles.polyline import RigidPolyline
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.obstacles.shapes import LevelSet, RigidCylinder, RigidPlane, RigidSphere
-from skfem_contact.obstacles.triangles import RigidSurface
 from skfem_contact.records import dataclass
 
-# What is shown of an obstacle beside the bodies, over their extent.
-AROUND = 0.08
+# What stands beside the bodies in a picture, over their extent: the longest arrow, and obstacles.
+BESIDE = 0.08
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +111,7 @@ def outline(obstacle: Obstacle, low: Array, high: Array) -> tuple[Array, Index]:
 def _(obstacle: RigidPlane, low: Array, high: Array) -> tuple[Array, Index]:
     normal, middle = obstacle.normal, 0.5 * (low + high)
     foot = middle - ((middle - obstacle.point) @ normal) * normal
-    reach = (0.5 + AROUND) * float(np.linalg.norm(high - low))
+    reach = (0.5 + BESIDE) * float(np.linalg.norm(high - low))
     if len(normal) == 2:
         along = np.array([normal[1], -normal[0]])  # the solid is on its right, so go back
         return foot + reach * np.array([[1.0], [-1.0]]) * along, np.array([[0, 1]])
@@ -137,7 +136,7 @@ def _(obstacle: RigidCylinder, low: Array, high: Array) -> tuple[Array, Index]:
     flat = (corners - obstacle.centre) @ across.T
     ring, _ = _arc(np.zeros(2), obstacle.radius, False, flat.min(axis=0), flat.max(axis=0))
     height = (corners - obstacle.centre) @ axis
-    n, room = len(ring), AROUND * float(np.linalg.norm(high - low))
+    n, room = len(ring), BESIDE * float(np.linalg.norm(high - low))
     points = obstacle.centre + np.tile(ring @ across, (2, 1))
     points += np.repeat([height.min() - room, height.max() + room], n)[:, None] * axis
     i = np.arange(n - 1)
@@ -157,7 +156,7 @@ def _(obstacle: RigidSurface, low: Array, high: Array) -> tuple[Array, Index]:
 
 @outline.register
 def _(obstacle: LevelSet, low: Array, high: Array) -> tuple[Array, Index]:
-    room = AROUND * (high - low).max()
+    room = BESIDE * (high - low).max()
     count = 201 if len(low) == 2 else 33  # as smooth as a picture can show
     axes = [np.linspace(a - room, b + room, count) for a, b in zip(low, high, strict=True)]
     return (zero_lines if len(low) == 2 else zeros)(obstacle.function, axes)
@@ -165,7 +164,7 @@ def _(obstacle: LevelSet, low: Array, high: Array) -> tuple[Array, Index]:
 
 def _reach(centre: Array, radius: float, low: Array, high: Array) -> tuple[Array, float]:
     """Direction from a centre to the middle of a box, and the angle to either side that is shown."""
-    middle, size = 0.5 * (low + high), (0.5 + AROUND) * float(np.linalg.norm(high - low))
+    middle, size = 0.5 * (low + high), (0.5 + BESIDE) * float(np.linalg.norm(high - low))
     away = middle - centre
     distance = float(np.linalg.norm(away))
     if radius < 4.0 * size or distance <= size:  # as a whole

@@ -18,8 +18,7 @@ from skfem_contact.arguments import number
 from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.conditions.loads import Motion
-from skfem_contact.conditions.state import OPEN
+from skfem_contact.conditions.state import OPEN, Motion
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere

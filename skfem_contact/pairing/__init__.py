@@ -1,20 +1,19 @@
 """The pairing: points of one surface on the facets of another, in the plane and in space.
 
-* `search`: which facets can meet a point; `vectors`: products, ragged ranges, entries of weights;
+* `search`: which facets can meet a point;
 * `projection`: closest points of facets, and what leads along a surface from edges and corners;
 * `closest`, `node`: closest points of surfaces, and node-to-segment contact;
 * `corners`: convex corners of curves, what they meet, and the rows of that;
 * `mortar`: dual mortar contact: the rows, their normals and gaps, in steps:
   `segmentation` finds the pieces on which facet meets facet, and integrates over them
   (`cells`: plane parts of facets; `clipping`: polygons, and intervals of curves);
-  `dual`, `supports`: multipliers, and what supports change of them;
-* `smooth`, `bulges`: smooth boundaries of facets, and what they change of rows;
-* `frames`: the frames of small sliding, weighted by the compliances of both sides;
-* `diagnosis`: what looks wrong with a pairing, in sentences;
-* `thresholds`: numbers, and where they come from.
+  `dual`: multipliers, and what supports change of them;
+* `smooth`: smooth boundaries of facets, and what they change of rows;
+* `frames`: the frames of small sliding, weighted by the compliances of both sides, and along supports;
+* `diagnosis`: what looks wrong with a pairing, in sentences.
 """
 
-from skfem_contact.entrances import entrances
+from skfem_contact.records import entrances
 
 __getattr__, __dir__ = entrances(
     __name__,
@@ -24,13 +23,12 @@ __getattr__, __dir__ = entrances(
         "closest": "closest_facets",
         "corners": "corner_contacts Corners unselected_sides",
         "diagnosis": "diagnose",
-        "dual": "DualBasis dual_basis node_rows positive_functions",
-        "frames": "plane_moduli",
+        "dual": "DualBasis dual_basis node_rows",
+        "frames": "along_supports plane_moduli",
         "mortar": "dual_mortar least_gaps",
         "node": "gap_vectors node_to_segment Pairing",
         "projection": "interpolated_normals project rim_points",
         "segmentation": "segment whole_shares",
         "search": "FacetTree closest_candidates",
-        "supports": "along_supports",
     },
 )

@@ -27,14 +27,12 @@ from functools import cached_property
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask, across, cross, sizes, unit
+from skfem_contact.arrays import Array, Index, Mask, across, cross, dot, ragged, sizes, unit
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import COMPUTED, SOLVED
+from skfem_contact.digits import COMPUTED, NEWTON_STEPS, SOLVED
 from skfem_contact.pairing.clipping import signed_areas
-from skfem_contact.pairing.search import FacetTree, Nodes
-from skfem_contact.pairing.thresholds import FACING, MARGIN, NEWTON_STEPS
-from skfem_contact.pairing.vectors import dot, ragged
+from skfem_contact.pairing.search import FACING, MARGIN, FacetTree, Nodes
 from skfem_contact.records import dataclass
 
 # With these signs the corners of a parallelogram add up to zero.

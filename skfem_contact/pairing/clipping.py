@@ -19,8 +19,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from skfem_contact.arrays import Array, Index
-from skfem_contact.pairing.vectors import dot, ragged, turned
+from skfem_contact.arrays import Array, Index, dot, ragged, turned
 from skfem_contact.records import dataclass
 
 

@@ -7,17 +7,29 @@ from math import dist
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask, sizes
+from skfem_contact.arrays import Array, Index, Mask, dot, sizes
+from skfem_contact.bodies.normal_field import CORNER
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.projection import Feet, Joints, across_edges, interpolated_normals, project
-from skfem_contact.pairing.search import FacetTree, Nodes, closest_candidates
-from skfem_contact.pairing.thresholds import EXTENDED, FACING, LEAN
-from skfem_contact.pairing.vectors import dot
+from skfem_contact.pairing.search import FACING, FacetTree, Nodes, closest_candidates
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
+
+# Up to this part of a facet the sloping side of a body at the end of a surface decides what is above
+# the end; what lies farther beyond it is another part of the boundary. With finite sliding surfaces go
+# on by this part of a facet beyond where they end, as "extension zones" of contact codes do: ends that
+# are flush in the mesh slip past each other by strains, a hundredth of a facet at most, and a block
+# that slides off has lost its last point a tenth of a facet later.
+EXTENDED = 0.1
+
+# Angle [rad] between a facet and the end of the other surface from which on the vertex carries.
+# Below, the vertex is at most this times a facet length deeper than the last node, which is less
+# than the chords of a curve explain. For means over facets, too: one of zero over a facet that leans
+# by 0.09 lets the vertex in by 0.07 of its length. A smaller turn beside a straight part may be that of
+# a curve which begins there.
+LEAN = 0.04
 
 
 def search_range(

@@ -24,15 +24,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import Array, Index, Mask, tangents
+from skfem_contact.arrays import Array, Index, Mask, dot, tangents
+from skfem_contact.bodies.normal_field import CORNER
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.bodies.thresholds import CORNER
 from skfem_contact.digits import GIVEN, SOLVED
-from skfem_contact.pairing.closest import Side, nearby_facets, search_range
+from skfem_contact.pairing.closest import LEAN, Side, nearby_facets, search_range
 from skfem_contact.pairing.node import Pairing
-from skfem_contact.pairing.thresholds import CROSS, LEAN, SLACK
-from skfem_contact.pairing.vectors import dot
 from skfem_contact.records import dataclass
+
+# Angle [rad] beyond the normal of a facet that was not selected up to which the vertex still carries:
+# corners turn with the strains of their body.
+SLACK = 0.1
+
+# What leans farther beyond an end than this [rad] is another part of the boundary.
+CROSS = 0.5 * np.pi
 
 # (0 of the secondary, 1 of the primary; number of the point)
 Names = frozenset[tuple[int, int]]

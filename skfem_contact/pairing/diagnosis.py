@@ -10,8 +10,16 @@ from skfem_contact.arrays import angle_between
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.pairing.node import Pairing
-from skfem_contact.pairing.thresholds import ALIKE, FACING, FINER, STIFFER
+from skfem_contact.pairing.search import FACING
 from skfem_contact.trees import Tree
+
+# Facets this much smaller, and bodies this much stiffer, than those of the other side make the choice
+# of the secondary worth a line.
+FINER, STIFFER = 0.75, 3.0
+
+# Normals of two surfaces that are all closer together than this [rad] would have to turn towards each
+# other by half a radian before any of them faced another; bodies are linear, and turn by 0.1 at most.
+ALIKE = float(np.pi / 3)
 
 # What becomes of points without a partner: for good, and where pairings are made anew.
 NEVER = 'They can never touch (outside="open"). '

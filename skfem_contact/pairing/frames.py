@@ -13,6 +13,8 @@ where the frames are those of the deformed surfaces.
 
 The compliance at a node is measured on K itself, see `plane_moduli`. What it leaves out is of second
 order in the answer: a weight that is wrong by a tenth turns the frame by a twentieth of the tilt.
+
+What supports hold along the interface is a tangent of its own (rules 3 and 4 of `dual`).
 """
 
 from __future__ import annotations
@@ -23,14 +25,14 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import Array, Mask, angle_between, sizes, tangents, unit
-from skfem_contact.bodies.facets import area_integrals
+from skfem_contact.arrays import Array, Mask, angle_between, dot, entries, sizes, tangents, unit
+from skfem_contact.bodies.facet_kinds import area_integrals
 from skfem_contact.bodies.surface import ContactSurface, NoBody
 from skfem_contact.digits import GIVEN
+from skfem_contact.pairing.dual import can_move, held_rows
 from skfem_contact.pairing.node import Pairing, gap_vectors
 from skfem_contact.pairing.projection import rim_points
-from skfem_contact.pairing.thresholds import ALONG
-from skfem_contact.pairing.vectors import dot, entries
+from skfem_contact.pairing.search import FACING
 from skfem_contact.trees import Tree
 
 
@@ -142,7 +144,8 @@ def plane_moduli(surface: ContactSurface) -> Array:
         # on a plane of symmetry the force has a part across that plane, from the boundary there
         p, ratio = dot(dilated, area) / size**2, Q / P
         modulus = ratio * (2 + (d - 2) * ratio) / (1 + (d - 1) * ratio) * p
-    elastic = (dot(dilated, area) > ALONG * P * size) & np.isfinite(modulus) & (modulus > 0)
+    # under an isotropic strain a nodal force that points into the body is not that of an elastic one
+    elastic = np.isfinite(modulus) & (modulus > 0)
     elastic &= size > GIVEN * total  # at corners of quadratic triangles a is round-off
     inner = ~rim_points(surface, mirrored=False)
     known = elastic & inner
@@ -189,3 +192,72 @@ def _shears(d: int) -> list[Array]:
             basis.append(np.zeros((d, d)))
             basis[-1][i, j] = basis[-1][j, i] = np.sqrt(0.5)
     return basis
+
+
+def guided_tangents(secondary: ContactSurface, primary: ContactSurface, pairing: Pairing) -> Pairing:
+    """The pairing of glue in space, its tangents along what supports hold `Pairing.still` (rule 4)."""
+    guided = np.array(np.broadcast_to(pairing.paired[:, None], pairing.normal.shape))
+    sides = (pairing.secondary_weights, secondary), (pairing.primary_weights, primary)
+    for weights, surface in sides:
+        size = abs(weights)
+        free = size @ (~surface.held).astype(float)
+        guided &= free <= GIVEN * np.asarray(size.sum(axis=1))
+    still = ~can_move(guided[:, None], pairing.tangent)
+    # one direction is left, and the normal has it
+    alone: Mask = (np.sum(guided, axis=1) == 2) & can_move(guided, pairing.normal)
+    still |= alone[:, None]
+    still &= np.any(guided, axis=1, keepdims=True)
+    if not still.any():
+        return pairing
+    return replace(pairing, still=still if pairing.still is None else still | pairing.still)
+
+
+def held_tangents(secondary: ContactSurface, primary: ContactSurface, pairing: Pairing) -> Pairing:
+    """The pairing with what supports hold on both sides along the interface as `Pairing.still`.
+
+    On a line or plane of symmetry, and at a wall that guides both bodies, the mortar row across it has
+    some nodes of the primary that are not on it. The shear there is zero, the multiplier vanishes, and
+    the neighbours keep theirs (rule 3).
+    """
+    if pairing.slip_weights is None:
+        return pairing
+    sides = list(zip(pairing.slip_weights, (secondary, primary), (1.0, -1.0), strict=True))
+    some, along = secondary.held.any(axis=1), pairing.tangent
+    if secondary.dim == 2:  # along the one axis that is held: across it one row is left
+        some = (secondary.held.sum(axis=1) == 1) & can_move(secondary.held, pairing.normal)
+        along = secondary.held[:, None].astype(float)
+    still = [some & held_rows(sides, way) for way in np.moveaxis(along, 1, 0)]
+    if not np.any(still):
+        return replace(pairing, slip_weights=None)
+    return replace(pairing, still=np.stack(still, axis=1))
+
+
+def along_supports(tangent: Array, normal: Array, held: Mask) -> Array:
+    """Tangents (m, 2, 3) turned about the normal so that what supports hold is one of them.
+
+    A roller or a plane of symmetry through the contact takes one direction from the slip. It has to be
+    along a tangent: else both rows would be half held, and stand for the one direction that is left
+    together.
+
+    Parameters
+    ----------
+    tangent : ndarray, shape (m, 2, 3)
+    normal : ndarray, shape (m, 3)
+    held : ndarray of bool, shape (m, 3)
+        Prescribed components of the nodes.
+
+    Examples
+    --------
+    >>> frame = np.array([[[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0]]])
+    >>> turned = along_supports(frame, np.array([[0.0, 0.0, 1.0]]), np.array([[True, False, False]]))
+    >>> turned.tolist()
+    [[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]]
+    """
+    count = held.sum(axis=1)
+    # the only one that is held, or the only one that is free
+    axis = np.where(count == 1, np.argmax(held, axis=1), np.argmin(held, axis=1))
+    across = np.eye(3)[axis] - normal[np.arange(len(normal)), axis][:, None] * normal
+    some = ((count == 1) | (count == 2)) & (np.linalg.norm(across, axis=1) > FACING)
+    first = unit(np.where(some[:, None], across, tangent[:, 0]))
+    frame = np.stack([first, np.cross(normal, first)], axis=1)
+    return np.where(some[:, None, None], frame, tangent)

@@ -19,8 +19,8 @@ pressure passes between meshes that do not match (patch test).
 3. `dual` makes the basis of each facet: exact also where the primary covers it only in part, with
    the multipliers of what is cut short merged into their neighbours'. The row of an heir then holds
    both nodes, and a node left with no multiplier on any facet is not paired (it shows the heir's
-   values: `discretisation.carriers`). Nodes that supports hold have no multiplier either: `supports`.
-4. The rows ``D`` and ``M`` are assembled; `bulges` and kinks change the gaps.
+   values: `discretisation.carriers`). Nodes that supports hold have none either: `dual`.
+4. The rows ``D`` and ``M`` are assembled; bulges (`smooth`) and kinks change the gaps.
 
 Straight sides and flats may turn by less than a corner does. At less than 45 degrees a surface has one
 normal at a node, averaged, and the multipliers reach over it: both right for curves, whose facets turn
@@ -43,26 +43,48 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix
 
-from skfem_contact.arrays import Array, Index, Mask, angle_between, tangents, unit
+from skfem_contact.arrays import (
+    Array,
+    Index,
+    Mask,
+    angle_between,
+    assembled,
+    dot,
+    entries,
+    summed,
+    tangents,
+    unit,
+)
+from skfem_contact.bodies.facet_kinds import positive_functions
+from skfem_contact.bodies.normal_field import BENT, CORNER
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.bodies.thresholds import BENT
 from skfem_contact.digits import GIVEN, ROUND_OFF, SOLVED
-from skfem_contact.pairing.bulges import TINY, Bulges, block_matrix
-from skfem_contact.pairing.closest import overhang, search_range
-from skfem_contact.pairing.dual import DualBasis, dual_basis, node_rows, positive_functions
-from skfem_contact.pairing.node import Pairing, gap_vectors
-from skfem_contact.pairing.segmentation import Moments, Segmentation, segment, whole_shares
-from skfem_contact.pairing.smooth import Place, curved_pairs
-from skfem_contact.pairing.supports import (
+from skfem_contact.pairing.closest import LEAN, overhang, search_range
+from skfem_contact.pairing.dual import (
     FREE,
     MET,
+    SHARE_KEPT,
+    DualBasis,
     Supports,
+    dual_basis,
     find_supports,
+    node_rows,
     slip_rows,
     without_multiplier,
 )
-from skfem_contact.pairing.thresholds import LEAN, SHARE_KEPT, SPREAD
-from skfem_contact.pairing.vectors import assembled, dot, entries, summed, without_round_off
+from skfem_contact.pairing.node import Pairing, gap_vectors
+from skfem_contact.pairing.segmentation import Moments, Segmentation, segment, whole_shares
+from skfem_contact.pairing.smooth import (
+    TINY,
+    Bulges,
+    Place,
+    block_matrix,
+    curved_pairs,
+    without_round_off,
+)
+
+# The spread of normals at which a surface has a corner, 45 degrees [rad].
+SPREAD = float(np.arccos(CORNER))
 
 
 def dual_mortar(
@@ -198,7 +220,7 @@ def facet_bases(
 def own_rows(
     secondary: ContactSurface, primary: ContactSurface, supports: Supports | None, basis: DualBasis
 ) -> tuple[Array, csr_matrix | None]:
-    """S of the rows of the secondary, and what rule 2 of `supports` changes in ``M``, if anything.
+    """S of the rows of the secondary, and what rule 2 of `dual` changes in ``M``, if anything.
 
     Nodes held on both sides get their share back, with a row of node-to-segment contact.
     """

@@ -23,15 +23,25 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix, diags, identity
 
-from skfem_contact.arrays import Array, Index, Mask, angle_between, sizes, tangents
+from skfem_contact.arrays import (
+    Array,
+    Index,
+    Mask,
+    angle_between,
+    assembled,
+    dot,
+    entries,
+    ragged,
+    sizes,
+    tangents,
+)
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
-from skfem_contact.pairing.bulges import bulged_nodes
-from skfem_contact.pairing.closest import closest_facets, overhang, search_range
+from skfem_contact.pairing.closest import LEAN, closest_facets, overhang, search_range
 from skfem_contact.pairing.projection import interpolated_normals
-from skfem_contact.pairing.thresholds import FACING, LEAN
-from skfem_contact.pairing.vectors import assembled, dot, entries, ragged
+from skfem_contact.pairing.search import FACING
+from skfem_contact.pairing.smooth import bulged_nodes
 from skfem_contact.records import dataclass
 from skfem_contact.trees import ODD
 
@@ -70,7 +80,7 @@ class Pairing:
         In place of `secondary_weights` and `primary_weights` in the tangential rows that are `still`.
     still : ndarray of bool, shape (m, d-1), optional
         Tangents of points along which the slip is what supports make it: their tangential rows have
-        only what is prescribed, see `supports`.
+        only what is prescribed, see `dual`.
     primary_bulge : bsr_matrix, shape (m d, number of primary nodes d), optional
         A block for each point and primary node: how the height of the smooth boundaries above their
         facets, a vector, moves with the nodes (`smooth`). Blocks of a row sum to zero; applied to the
@@ -175,7 +185,7 @@ def node_to_segment(
 
     Notes
     -----
-    The closest point is taken among the facets that face the node (`thresholds.FACING`) and hold a
+    The closest point is taken among the facets that face the node (`search.FACING`) and hold a
     stationary point of the distance to the *whole* primary surface. So a node beyond the end or rim of
     an open surface has no partner (tolerance: `digits.GIVEN` of the size of a facet), and one
     outside a smooth convex vertex or edge is paired with that vertex or edge. Around a corner of 45

@@ -18,17 +18,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask, across, cross, sizes, unit
+from skfem_contact.arrays import Array, Index, Mask, across, cross, dot, ragged, sizes, turned, unit
 from skfem_contact.bodies.facet_kinds import FacetKind, node_positions
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import COMPUTED, SOLVED
-from skfem_contact.pairing.vectors import dot, ragged, turned
+from skfem_contact.digits import COMPUTED, NEWTON_STEPS, SOLVED
 from skfem_contact.records import dataclass
 
 #: Which way along a line leads out of it, by the place on it: start, end, inside.
 OUT = np.array([-1.0, 1.0, 0.0])
-#: Newton steps at most; warped faces take five, and what lies beyond centres of curvature more.
-STEPS = 30
 #: Of the squared length element, the least curvature of the model: beyond a centre of curvature the
 #: true one is negative.
 LEAST = 0.1
@@ -117,7 +114,7 @@ def _closest(kind: FacetKind, nodes: Array, points: Array) -> Array:
     # of points that nearly touch distances have few digits, and must not turn good steps back
     round_off = COMPUTED * np.abs(points).max(initial=0.0)
     step = np.zeros_like(xi)
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         x, at = _some(nodes, left), _some(xi, left)
         N, dN = kind.shapes(at)
         apart = np.einsum("pk,pkd->pd", N, x) - _some(points, left)

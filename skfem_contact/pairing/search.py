@@ -18,13 +18,26 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask, runs, sizes, tangents
+from skfem_contact.arrays import Array, Index, Mask, dot, runs, sizes, tangents
 from skfem_contact.bodies.facet_kinds import node_positions
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import COMPUTED
-from skfem_contact.pairing.thresholds import BULGE, FEW_PAIRS, MARGIN
-from skfem_contact.pairing.vectors import dot
+from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.records import dataclass
+
+# A facet is a candidate if its normal n_p and that of the node, n_s, have n_s . n_p < -FACING:
+# they may be up to 84 degrees off the exactly opposite direction. So much may a direction be off the
+# free one along which a node at a roller still moves, as in `elimination.pivoting`.
+FACING = 0.1
+
+# By which part of its box, and of the turn of its normals at the nodes, a quadratic face may go beyond
+# them: a parabola with its middle node at a quarter of the edge goes beyond its nodes by 1/24.
+BULGE = 0.1
+
+# To ask about so many pairs takes no longer than to go through the upper levels of a tree.
+FEW_PAIRS = 1 << 12
+
+# Balls are larger by this fraction of their radius, for the tolerances at the ends, of `GIVEN` each.
+MARGIN = 10 * GIVEN
 
 # At the centre of a ball a point is within, whatever its direction.
 TINY = float(np.finfo(float).tiny)

@@ -41,11 +41,10 @@ from functools import cached_property
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, cross, runs, sizes, unit
-from skfem_contact.bodies.facet_kinds import KINDS, FacetKind
-from skfem_contact.bodies.facets import area_elements
+from skfem_contact.arrays import Array, Index, cross, dot, runs, sizes, summed, unit
+from skfem_contact.bodies.facet_kinds import KINDS, FacetKind, area_elements, positive_functions
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import COMPUTED, ROUND_OFF, SINGLE
+from skfem_contact.digits import COMPUTED, NEWTON_STEPS, ROUND_OFF, SINGLE
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.cells import (
     AFFINE,
@@ -64,12 +63,7 @@ from skfem_contact.pairing.clipping import (
     signed_areas,
 )
 from skfem_contact.pairing.closest import search_range
-from skfem_contact.pairing.dual import positive_functions
-from skfem_contact.pairing.thresholds import (
-    FACING,
-    NEWTON_STEPS,
-)
-from skfem_contact.pairing.vectors import dot, summed
+from skfem_contact.pairing.search import FACING
 from skfem_contact.records import dataclass
 
 # Degrees of the quadrature: at least, in parts of curved facets, and by how much more than for
@@ -286,7 +280,7 @@ class Segmentation:
             size = sizes(ways[0] if len(ways) == 1 else cross(*ways))
             out[bent] = size * reference / plane
         if measure is not None:
-            nodes = surface.points[surface.facets[own.facet[cell]]]
+            nodes = surface.measured_at[surface.facets[own.facet[cell]]]
             out *= measure(np.moveaxis(points.N @ nodes, -1, 0))
         return out
 
@@ -440,7 +434,7 @@ def whole_shares(surface: ContactSurface) -> Array:
     N, _ = kind.shapes(at)
     area = sizes(area_elements(surface.points, surface.facets, kind, at)) * weight
     if measure is not None:
-        area = area * measure(np.moveaxis(N @ surface.points[surface.facets], -1, 0))
+        area = area * measure(np.moveaxis(N @ surface.measured_at[surface.facets], -1, 0))
     tests = N @ positive_functions(kind).T
     whole, plain = area @ tests, np.outer(area.sum(axis=1), positive_functions(kind) @ kind.shares)
     return np.asarray(np.where(whole > ROUND_OFF * plain, whole, plain))

@@ -28,12 +28,9 @@ from skfem_contact.errors import InputError, LinearSolveError, warn
 from skfem_contact.petsc.body_share import BodyShare
 from skfem_contact.petsc.share import Database, Settings, Share, Solved, command_line
 
-# Seconds between two looks for the next command, at first and after a while: a rank that waits takes
-# no core from the one that works. A linear problem that is worth distributing takes 1000 times as long.
-SOON, LATER = 5e-4, 1e-2
-
-# Looks for a command after which a rank looks less often: one second.
-PATIENT = 2000
+# Between two looks for the next command a rank sleeps this part of the time that it has waited, and at
+# most so many seconds: it takes no core from the one that works, and commands that follow soon are met.
+LATER = 1e-2
 
 # Seconds after which rank 0 says that it waits for ranks that have not come to `PETSc()`.
 MISSED_AFTER = 60.0
@@ -222,10 +219,9 @@ class Ranks:
         os._exit(0)  # the rest of the script, and what it does at its end, is for rank 0
 
     def _wait(self) -> None:
-        looks = 0
+        begin = time.monotonic()
         while not self.messages.Iprobe(source=0):
-            looks += 1
-            time.sleep(SOON if looks < PATIENT else LATER)
+            time.sleep(LATER * min(time.monotonic() - begin, 1.0))
 
     # -- what all do --------------------------------------------------------------------------
 

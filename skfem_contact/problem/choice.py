@@ -27,10 +27,32 @@ from skfem_contact.errors import InputError
 from skfem_contact.linalg.direct import Direct, as_linear_solver
 from skfem_contact.linalg.multifrontal.fronts import FactorSize
 from skfem_contact.linalg.resources import Limits, factor_bound, written_bytes
-from skfem_contact.problem import thresholds
-from skfem_contact.problem.condensed import dense_bytes
-from skfem_contact.problem.substructure import Substructure, wanted_of
-from skfem_contact.problem.thresholds import CUBES_PER_ENTRY, CYCLES, PER_BYTE
+from skfem_contact.problem.condensed import wanted_of
+from skfem_contact.problem.substructure import Substructure
+from skfem_contact.problem.zone import KEPT_BESIDE
+
+# Matrices of the size of all gaps and slips that are there at once: the stiffness, its factorisation,
+# and half of one for the columns of points that slip, or for what is eliminated of open ones.
+PER_ROWS = 2.5
+
+
+# Cubes of contact DOFs per byte of the bound of the factors and load step from which on iterated forces
+# take less time. Condensing takes three operations for each, at the peak of a processor; a load step
+# some 60 products with the factors, each of which reads all bytes twice, a third of the bound: with
+# 2 200 points on solids of 100 000 DOFs the two meet at 2.6 load steps, and by this number at 2.7.
+PER_BYTE = 100.0
+
+
+# Cubes of DOFs between halves of bodies, per entry of K and load step, up to which multigrid takes less
+# time than factors. One step on two blocks takes as long by both at 300 (24 500 DOFs), half as long by
+# multigrid at 970 (92 600), a quarter at 4 000 (362 600): twice what is even, as elements of second
+# order, thin ones and a Poisson's ratio of .49 take twice as many cycles.
+CUBES_PER_ENTRY = 600.0
+
+
+# Cycles of multigrid in one linear problem after which factors are made, where both are at hand. Well
+# posed problems take 10 to 60.
+CYCLES = 60
 
 
 def checked_linear(linear: Any) -> Any:
@@ -148,7 +170,7 @@ class Choice:
         Both backends of the bodies are the multifrontal method; of others nothing is known. Small
         matrices are there in half a second, whatever the bodies are.
         """
-        if not isinstance(self.linear, str) or self.dense_bytes <= thresholds.KEPT_BESIDE:
+        if not isinstance(self.linear, str) or self.dense_bytes <= KEPT_BESIDE:
             return 0.0
         return float(np.sum(self._kept.astype(float) ** 3)) / (PER_BYTE * max(self._factor_bound, 1.0))
 
@@ -278,3 +300,26 @@ def _cut(K: csr_matrix, points: NDArray[np.float64]) -> int:
     below = np.diff(K.indptr)[:, None] - above
     touching = np.stack([(above > 0) & ~beyond, (below > 0) & beyond])
     return int(np.count_nonzero(touching, axis=1).min())
+
+
+def dense_bytes(kept: Sequence[int], rows: int) -> int:
+    """Memory of the dense matrices of a contact problem at most, before any of them is there [bytes].
+
+    That is the flexibility of each body, the stiffness of gaps and slips, and what an iteration makes
+    of it: a factorisation, and what friction adds.
+
+    Parameters
+    ----------
+    kept : sequence of int
+        Contact DOFs of each body.
+    rows : int
+        Gaps and slips.
+
+    Examples
+    --------
+    Two bodies of 1000 points, which all have three rows: four and a half matrices.
+
+    >>> dense_bytes([3000, 3000], 3000) / (8 * 3000**2)
+    4.5
+    """
+    return sum(8 * int(n) ** 2 for n in kept) + int(PER_ROWS * 8 * rows**2)

@@ -1,9 +1,6 @@
-r"""From contact DOFs to the gaps and slips of contact points: the small dense contact problem.
+r"""All bodies, each condensed onto its contact DOFs (`substructure`) and inverted.
 
-`Condensed` is what depends on the stiffness alone: every body condensed onto its contact DOFs
-(`skfem_contact.problem.substructure`) and inverted. `PointProblem` adds where the points are: with
-``z = B u`` the gaps and slips of the candidates, all else is eliminated (a Delassus operator, as in
-Francavilla and Zienkiewicz, 1975). A new pairing costs a new `PointProblem` and nothing before it.
+It depends on the stiffness alone; where the points are is added by `zone`.
 
 Bodies may float. A body that its supports do not hold is made definite by springs on a few anchor
 DOFs away from contact, ``F = (S + P P')^-1``, whose extensions ``q = P'u`` are kept as extra rows
@@ -15,44 +12,136 @@ and q is eliminated. What is left is the stiffness against relative displacement
 singular exactly where free motion is.
 
 With many points, the dense matrix ``G F G'`` is most of the memory that a solver takes. It is formed by
-blocks and inverted only on rows of points that may close (`zone`); its size is known before
-(`dense_bytes`).
+blocks and inverted only on rows of points that may close (`zone`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import Array, block_diagonal
-from skfem_contact.conditions.loads import LoadCase
-from skfem_contact.conditions.rows import columns_of, stacked_rows, with_columns
-from skfem_contact.errors import SingularMatrix
+from skfem_contact.arrays import Array, Index, block_diagonal
+from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.system import System, slices
+from skfem_contact.conditions.rows import columns_of, with_columns
+from skfem_contact.conditions.state import LoadCase
+from skfem_contact.linalg.backend import Backend
 from skfem_contact.linalg.dense_factors import blocks, symmetrise
-from skfem_contact.problem import thresholds
-from skfem_contact.problem.points import PointSpace
+from skfem_contact.linalg.direct import Direct
 from skfem_contact.problem.seam import (
-    Conditions,
     ContactProblem,
-    Load,
-    OnContactDofs,
     PosedOn,
-    Resistance,
-    Response,
     Source,
 )
-from skfem_contact.problem.springs import (
-    independent,
-    point_resistance,
-    resistance_by,
-    spring_compliance,
-)
-from skfem_contact.problem.substructure import Components, Substructure, Substructures
-from skfem_contact.problem.zone import Compliance, Zones
+from skfem_contact.problem.substructure import Components, Substructure
+from skfem_contact.problem.zone import PointProblem
+from skfem_contact.records import once
+
+# Results whose interior is recovered at a time: enough for matrix products, few enough for memory.
+RECOVERED_AT_ONCE = 32
+
+
+class Substructures:
+    """All bodies, each reduced to its contact DOFs.
+
+    Parameters
+    ----------
+    system : System
+    stiffness : sequence of csr_matrix
+        Of each body.
+    wanted : ndarray of int
+        DOFs (stacked) that contact rows may touch.
+    reuse : sequence of Substructure or None
+        Parts that are still good, if they are of this kind.
+    backend : Backend, optional
+        What factorises the bodies, see `Substructure`.
+
+    Attributes
+    ----------
+    spans, column_spans : list of slice
+        All DOFs of each body, and its contact DOFs among those of all.
+    columns : ndarray of int, shape (n_c,)
+        Contact DOFs and anchors.
+    P : csr_matrix, shape (n_c, k)
+        Springs to the ground on the anchors, of the stiffness ``P P'``: one entry in each column.
+    """
+
+    kind: type[Substructure]
+    usual: Callable[[], Any] = Direct
+
+    def __init__(
+        self,
+        system: System,
+        stiffness: Sequence[csr_matrix],
+        wanted: Index,
+        reuse: Sequence[Substructure | None] = (),
+        backend: Backend | None = None,
+    ) -> None:
+        self.backend: Any
+        self.system, self.stiffness, self.backend = system, stiffness, backend or self.usual()
+        self.spans, self.substructures = slices(system.offsets), list[Any]()
+        for i, body in enumerate(system.bodies):
+            part = reuse[i] if len(reuse) else None
+            if type(part) is not self.kind:
+                firm = firmness(system, stiffness, wanted) if len(body.rotations) else 0.0
+                mine = wanted_of(body, self.spans[i], wanted)
+                part = self.kind(body, stiffness[i], mine, firm, self.backend, system.modes(i))
+            self.substructures.append(part)
+        parts = list(zip(self.substructures, self.spans, strict=True))
+        columns = [part.columns + span.start for part, span in parts]
+        self.columns = np.concatenate(columns)
+        self.column_spans = slices(np.cumsum([0, *map(len, columns)]))
+        anchors = np.concatenate([part.anchors + span.start for part, span in parts])
+        place = np.searchsorted(self.columns, anchors), np.arange(len(anchors))
+        springs = np.concatenate([part.springs for part, _ in parts])
+        self.P = csr_matrix((np.sqrt(springs), place), (len(self.columns), len(anchors)))
+
+    @once
+    def softness(self) -> Array:
+        """Return how far a unit force moves each contact DOF, all others held, (n_c,) [length/force].
+
+        By the diagonal of K, which knows of no anchors; zero of a rigid body.
+        """
+        stiff = [
+            part.K.diagonal()[part.columns]
+            if isinstance(part.body, Body)
+            else np.full(len(part.columns), np.inf)
+            for part in self.substructures
+        ]
+        return 1.0 / np.concatenate(stiff)
+
+    def recover(
+        self, sources: Source, components: Sequence[Any], cases: Sequence[LoadCase]
+    ) -> list[Array]:
+        """All displacements, r arrays (n,), from r sources: forces on the contact DOFs (n_c, r).
+
+        Or from displacements of all DOFs (n, r), which are the sources themselves. `components` are
+        those of the loads of all bodies, where they have any, see `Substructure.components`.
+        """
+        if not sources.forces:
+            return [np.array(u) for u in sources.values.T]
+        u = [np.array(case.x) for case in cases]
+        for k, (span, own) in enumerate(zip(self.spans, self.column_spans, strict=True)):
+            part = self.substructures[k]
+            place = span.start + part.order
+            for first in range(0, len(u), RECOVERED_AT_ONCE):
+                some = slice(first, first + RECOVERED_AT_ONCE)
+                x = part.recover(
+                    sources.values[own, some],
+                    [known[k] if known else None for known in components[some]],
+                    [(case.f[span], case.x[span]) for case in cases[some]],
+                )
+                for few in range(0, x.shape[1], 8):  # a copy of all would take as much memory again
+                    columns = np.ascontiguousarray(x[:, few : few + 8].T)
+                    for column, out in zip(columns, u[first + few :], strict=False):
+                        out[place] = column
+                del x  # or it waits while the next one is computed
+        return u
 
 
 class Condensed(Substructures):
@@ -60,7 +149,7 @@ class Condensed(Substructures):
 
     kind = Substructure
 
-    _along: tuple[list[int], Array, Array] | None = None
+    _along: tuple[list[tuple[int, ...]], Array, Array] | None = None
 
     def flexibility(self, force: Array) -> Array:
         """``F`` times forces on the contact DOFs, (n_c, r) -> (n_c, r)."""
@@ -79,25 +168,27 @@ class Condensed(Substructures):
             symmetrise(W[rows, rows])
         return W
 
-    def load(self, f: Array, x: Array) -> tuple[tuple[Components, ...], Array, Array]:
+    def load(self, f: Array, x: Array) -> tuple[tuple[Components | None, ...], Array, Array]:
         """What `recover` wants to know of loads; forces and displacements of the contact DOFs, (n_c,).
 
-        Of loads that follow from those before only sums of what is known: see `LoadSpan`.
+        Of loads that follow from those before only sums of what is known: see `LoadSpan`. The load of a
+        body that has had too many is its own, beside those of the others.
         """
-        parts = zip(self.substructures, self.spans, strict=True)
+        parts = list(zip(self.substructures, self.spans, strict=True))
         found = [part.components(f[span], x[span]) for part, span in parts]
-        components = tuple([pair for pair in found if pair is not None])
-        if len(components) < len(found):
-            force = self.other_load(f, x)
-            return (), force, self.flexibility(force)
-        known = [c for pair in components for c in pair]
-        counts, c = [len(own) for own in known], np.concatenate(known)
-        if self._along is None or self._along[0] != counts:
-            each = zip(self.substructures, components, strict=True)
+        counts = [tuple(map(len, pair)) if pair else () for pair in found]
+        known = self._along  # which another thread may put another one in the place of
+        if known is None or known[0] != counts:
+            each = zip(self.substructures, found, strict=True)
             along = block_diagonal([part.along(own) for part, own in each])
-            self._along = counts, along, self.flexibility(along)
-        _, along, moved = self._along
-        return components, along.dot(c), moved.dot(c)
+            known = self._along = counts, along, self.flexibility(along)
+        c = np.concatenate([own for pair in found if pair for own in pair] or [np.zeros(0)])
+        force, moved = known[1].dot(c), known[2].dot(c)
+        for (part, span), pair, own in zip(parts, found, self.column_spans, strict=True):
+            if pair is None:
+                force[own] = part.changed_load(f[span], x[span])
+                moved[own] = part.flexibility @ force[own]
+        return tuple(found), force, moved
 
     def other_load(self, f: Array, x: Array) -> Array:
         """Loads condensed onto the contact DOFs, (n_c,); nothing of them is remembered."""
@@ -125,106 +216,6 @@ class Condensed(Substructures):
         return PointProblem(self, on)
 
 
-class PointProblem(OnContactDofs):
-    """The contact problem on gaps and slips, see `Compliance`."""
-
-    def __init__(self, bodies: Condensed, on: PosedOn) -> None:
-        super().__init__(bodies, on)
-        if bodies.P.nnz:
-            self.G = stacked_rows([self.G, csr_matrix(bodies.P.T)])
-        W, self.unknowns = bodies.compliance(self.G), self.q
-        stable = all(part.definite for part in bodies.substructures)
-        whole = Compliance(W, self.normal_rows, self.tangential_rows, self.q, stable)
-        self.compliance = whole
-        try:
-            if whole.small or not (stable and independent(self.G, bodies.least_softness, W.diagonal())):
-                self.zones.whole()
-        except SingularMatrix:  # is told to whom it matters
-            pass
-        except LinAlgError:  # rows that depend on each other: corners, chains, tools that are held
-            if on.independent():
-                # it is a body that flows or buckles that makes them alike: they are taken as they are
-                self._give_way(np.zeros(on.kin.m), np.zeros(self.tangential_rows.shape))
-                try:
-                    self.zones.whole()
-                except LinAlgError as error:
-                    raise SingularMatrix(str(error)) from None
-                return
-            self.springs = spring_compliance(self.rows, self.slips, bodies.softness)
-            self._give_way(self.springs, self.springs[:, None])
-            self.unknowns = 0
-
-    @cached_property
-    def zones(self) -> Zones:
-        """Of this problem's memory."""
-        return Zones(self.compliance)
-
-    def _begin_anew(self) -> None:
-        super()._begin_anew()
-        vars(self).pop("zones", None)
-
-    def _give_way(self, normal: Array, tangential: Array) -> None:
-        """See all points through springs of these compliances, (m,) and (m, d-1), and no others."""
-        give = self.on_rows(normal, tangential)
-        self.compliance = self.compliance.with_springs(give - self.give)
-        self.give = give
-        self._begin_anew()
-
-    @property
-    def points(self) -> PointSpace | None:
-        """The dense problem of all points; None where they are seen through springs."""
-        return self.zones.whole().space if self.springs is None else None
-
-    @cached_property
-    def resistance(self) -> Resistance:
-        """Return what each point resists by itself; anchors hold bodies that their supports do not.
-
-        Where points are seen through springs, what its own DOFs resist: anchors depend on numbering.
-        """
-        if self.springs is None:
-            return resistance_by(self.compliance.W, self.normal_rows, self.tangential_rows)
-        return point_resistance(self.rows, self.slips, self.bodies.softness)
-
-    def load(self, case: LoadCase) -> Load:
-        """A load case on gaps and slips."""
-        return self._load(case, *self.bodies.load(case.f, case.x))
-
-    def other_load(self, case: LoadCase) -> Load:
-        """A load case that is like no other, or one of its derivatives: nothing of it is remembered."""
-        force = self.bodies.other_load(case.f, case.x)
-        return self._load(case, (), force, self.bodies.flexibility(force))
-
-    def _load(self, case: LoadCase, components: tuple[Components, ...], force: Array, u: Array) -> Load:
-        return Load(np.zeros(0), *self.constant(case), force, components, self.G @ u)
-
-    def solve(self, conditions: Conditions, load: Load) -> Response:
-        """Gaps, slips and forces under these conditions."""
-        return self.zones.solve(conditions, load)
-
-
-def dense_bytes(kept: Sequence[int], rows: int) -> int:
-    """Memory of the dense matrices of a contact problem at most, before any of them is there [bytes].
-
-    That is the flexibility of each body, the stiffness of gaps and slips, and what an iteration makes
-    of it: a factorisation, and what friction adds.
-
-    Parameters
-    ----------
-    kept : sequence of int
-        Contact DOFs of each body.
-    rows : int
-        Gaps and slips.
-
-    Examples
-    --------
-    Two bodies of 1000 points, which all have three rows: four and a half matrices.
-
-    >>> dense_bytes([3000, 3000], 3000) / (8 * 3000**2)
-    4.5
-    """
-    return sum(8 * int(n) ** 2 for n in kept) + int(thresholds.PER_ROWS * 8 * rows**2)
-
-
 def delassus_compliance(W: Array, G: csr_matrix, F: Array) -> None:
     """Add ``G F G'`` of one body to W, by blocks of rows, of which half are the others transposed.
 
@@ -250,3 +241,18 @@ def delassus_compliance(W: Array, G: csr_matrix, F: Array) -> None:
         found = below @ (part @ F).T
         W[begin:, rows] += found
         W[rows, end:] += found[end - begin :].T
+
+
+def wanted_of(body: Member, span: slice, wanted: Index) -> Index:
+    """Of stacked DOFs those of one body that are not prescribed, in its own numbering."""
+    chosen = np.zeros(body.n, dtype=bool)
+    chosen[wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start] = True
+    chosen[body.D] = False
+    return np.flatnonzero(chosen)
+
+
+def firmness(system: System, stiffness: Sequence[csr_matrix], wanted: Index) -> float:
+    """Stiffness that rigid bodies meet: the median over contact DOFs of the other bodies."""
+    solid = np.concatenate([np.full(body.n, isinstance(body, Body)) for body in system.bodies])
+    diagonal = np.concatenate([K.diagonal() for K in stiffness])
+    return float(np.median(diagonal[wanted[solid[wanted]]]))

@@ -44,28 +44,29 @@ from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix, diags
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from skfem_contact.arrays import Array, Index
+from skfem_contact.arrays import Array, Index, block_diagonal
 from skfem_contact.bodies.body import Body
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import lu
-from skfem_contact.linalg.krylov import Iterated, gmres
+from skfem_contact.linalg.krylov import Iterated, divided, gmres
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky, SurfaceResponse
 from skfem_contact.problem.full import DependentRows
-from skfem_contact.problem.seam import (
-    Conditions,
-    Load,
-    OnContactDofs,
-    PosedOn,
-    Resistance,
-    Response,
-    friction_force,
-)
-from skfem_contact.problem.springs import independent, point_resistance
-from skfem_contact.problem.thresholds import LAYERS, ROUGHLY
+from skfem_contact.problem.points import Conditions, Load, Resistance, Response, friction_force
+from skfem_contact.problem.seam import OnContactDofs, PosedOn, independent, point_resistance
 from skfem_contact.records import dataclass
+
+# Couplings of K from the surface to the bottom of its layer: elements, in effect.
+LAYERS = 4
+
+
+# What an answer on the way may leave of the residual: points change by more than a hundredth from one
+# of Newton's iterations to the next, and what is left is taken up there. An increment takes half as
+# long as with all digits in all iterations; with a third of it, or three times, as long as with this.
+ROUGHLY = 1e-2
 
 
 class Layer:
@@ -112,7 +113,7 @@ class Layers:
         parts = zip(bodies.substructures, bodies.column_spans, strict=True)
         # rigid bodies have no layer: what moves are the others
         self._layers = [
-            (Layer(part), span)
+            (part.layer, span)
             for part, span in parts
             if isinstance(part.body, Body) and len(part.columns)
         ]
@@ -259,8 +260,7 @@ class OnForces(OnContactDofs):
             raise DependentRows  # they are solved with all DOFs
         self.own = self.bare = 1.0 / (self.G.multiply(self.G) @ bodies.softness)
         self._share = np.ones(self.q)
-        columns = [bodies.flexibility(column) for column in bodies.P.T.toarray()]
-        self.FP = np.column_stack(columns) if columns else np.zeros(bodies.P.shape)
+        self.FP = block_diagonal([part.by_springs for part in bodies.substructures])
         self.iterations: list[int] = []
 
     @cached_property
@@ -356,6 +356,10 @@ class HeldForces(ABC):
         Roots of the rows' own stiffness: forces divided by it and gaps times it have one unit.
     size : ndarray
         The same of the displacements that are unknowns.
+    label : ndarray of int
+        A number for each body, the same of those that the rows couple.
+    part : ndarray of int
+        That of the body of each unknown.
 
     Raises
     ------
@@ -382,6 +386,13 @@ class HeldForces(ABC):
         self._rigid = lu(left - self._back @ self._forces.T if k else left)
         if not self._rigid.even(SOLVED):
             raise SingularMatrix("the points that are closed do not hold the bodies")
+        spans = self.bodies.column_spans
+        owner = np.repeat(np.arange(len(spans)), [span.stop - span.start for span in spans])
+        shape = self.G.shape[0], len(spans)
+        touch = csr_matrix((np.ones(self.G.nnz), owner[self.G.indices], self.G.indptr), shape)
+        self.label = connected_components(touch.T @ touch, directed=False)[1]
+        of_rows, of_springs = touch.indices[touch.indptr[:-1]], owner[self.P.tocsc().indices]
+        self.part = self.label[np.concatenate([of_rows, of_springs])]
 
     @abstractmethod
     def found(self, begin: tuple[Array, Array, Array] | None) -> tuple[Array, Array, Array]:
@@ -405,12 +416,18 @@ class HeldForces(ABC):
         return np.concatenate([u * self.size, p / self.scale, q])
 
     def iterated(
-        self, b: Array, begin: tuple[Array, Array, Array] | None, tolerance: float, most: int
+        self,
+        b: Array,
+        sizes: Array,
+        begin: tuple[Array, Array, Array] | None,
+        tolerance: float,
+        most: int,
     ) -> Iterated:
-        """Unknowns by GMRES, from some to begin with; counted."""
+        """Unknowns over sizes of their parts by GMRES, from some to begin with; counted."""
         x = np.zeros(len(b))
         if begin is not None:
             x = self.joined(begin[0][: len(self.size)], begin[1][self.held.rows], begin[2])
+        b, x = divided(b, sizes), divided(x, sizes)
         given = self._product, b, self._precondition, x, tolerance, most
         found = gmres(*given, roughly=ROUGHLY if self.rough else 0.0)
         self.problem.iterations.append(found.iterations)

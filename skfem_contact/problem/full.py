@@ -20,23 +20,20 @@ from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.member import RemoteStiffness
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.kinematics import Kinematics, prescribed_rows, without_columns
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import combined_rows, tangential_matrix
+from skfem_contact.conditions.state import LoadCase
 from skfem_contact.elimination.constraint import AffineConstraint, eliminate
 from skfem_contact.errors import ConstraintError
 from skfem_contact.linalg.backend import Stacked
 from skfem_contact.linalg.direct import as_linear_solver
+from skfem_contact.problem.points import Conditions, Load, Resistance, Response, friction_force
 from skfem_contact.problem.seam import (
-    Conditions,
     ContactProblem,
-    Load,
     PosedOn,
-    Resistance,
-    Response,
     Source,
-    friction_force,
+    point_resistance,
+    spring_compliance,
 )
-from skfem_contact.problem.springs import point_resistance, spring_compliance
 from skfem_contact.records import dataclass
 
 logger = logging.getLogger("skfem_contact")

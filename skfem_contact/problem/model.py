@@ -11,23 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
-from skfem_contact.arrays import Array, largest
+from skfem_contact.arrays import Array, entries
 from skfem_contact.bodies.body import Body
-from skfem_contact.carried import carried
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface, point_labels, secondary_dofs
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid_motions
+from skfem_contact.conditions.state import LoadCase
 from skfem_contact.linalg.resources import Limits, single_threaded
-from skfem_contact.once import Lock, once
-from skfem_contact.pairing.vectors import entries
 from skfem_contact.problem.choice import Choice, check_distributed, checked_linear
-from skfem_contact.problem.condensed import Condensed, PointProblem
+from skfem_contact.problem.condensed import Condensed, firmness
 from skfem_contact.problem.seam import ContactProblem, PosedOn
-from skfem_contact.problem.substructure import Substructure, firmness
-from skfem_contact.problem.thresholds import MOST_TWINS
-from skfem_contact.sealed import seal
+from skfem_contact.problem.substructure import Substructure
+from skfem_contact.problem.zone import PointProblem
+from skfem_contact.records import Lock, once
+from skfem_contact.sealed import carried, seal
 
 if TYPE_CHECKING:
     from skfem_contact.problem.full import FullSystem
@@ -37,6 +35,10 @@ if TYPE_CHECKING:
 
 
 EVEN_CLOSED = "even with every contact point closed"
+
+
+# Sets of springs whose twins are kept: two weak ones, and some of single DOFs.
+MOST_TWINS = 6
 
 
 class LinearModel:
@@ -88,11 +90,13 @@ class LinearModel:
         self._reuse, self._steps = list(reuse), steps
         self._sprung: dict[bytes, LinearModel] = {}
         self._undeformed: LinearModel | None = None  # of which this has the tangents
+        self._decided = False  # on a route: bodies are made, or being made
         self._lock = Lock()
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what is computed: elsewhere bodies are condensed when they are first asked for."""
-        known = {**vars(self), "linear": carried(self.linear, "linear"), "_sprung": {}, "_reuse": []}
+        linear = carried(self.linear, "linear")
+        known = {**vars(self), "linear": linear, "_sprung": {}, "_reuse": [], "_decided": False}
         for made in ("_wanted", "choice", "bodies", "_base", "_for_pivoting", "for_tangents"):
             known.pop(made, None)
         return known | {"_undeformed": None}
@@ -120,7 +124,8 @@ class LinearModel:
     def moves(self, case: LoadCase) -> tuple[float, ...]:
         """Largest prescribed displacement of each body [length]."""
         moved = np.abs(case.x[self.system.D])
-        return tuple([largest(moved[part]) for part in self.system.supports])
+        own = [moved[part] for part in self.system.supports]
+        return tuple([float(sizes.max()) if sizes.size else 0.0 for sizes in own])
 
     def with_interface(
         self, interface: Interface, timings: dict[str, float], geometry: Geometry
@@ -129,13 +134,15 @@ class LinearModel:
         same = np.array_equal(interface.slipping, self.interface.slipping)
         own = geometry is self.geometry
         motions = self.motions if own else self.motions.seen_by(geometry.kin)
-        twin = self._like(geometry=geometry, interface=interface, motions=motions, timings=timings)
         if same and own:
             self.prepare()
+        twin = self._like(geometry=geometry, interface=interface, motions=motions, timings=timings)
+        if same and own:
             made = vars(self).keys() & {"bodies", "_base"}
             vars(twin).update({name: vars(self)[name] for name in made})
         elif same and np.array_equal(twin._wanted, self._wanted):  # slips have other axes
             vars(twin)["bodies"] = self.bodies
+            twin._steps = self.choice.steps
         return twin
 
     def with_springs(self, springs: NDArray[np.float64]) -> LinearModel:
@@ -184,7 +191,8 @@ class LinearModel:
         """
         with self._lock:
             choice = self.choice.expecting(steps)
-            used = "bodies" in vars(self) or self._sprung  # those have their choice from here
+            # those have their choice from here
+            used = self._decided or "bodies" in vars(self) or self._sprung
             if used and (new := choice.way) != (old := self.choice.way):
                 reuse = self.substructures if new[0] == old[0] else ()
                 return self._like(reuse=reuse, steps=choice.steps)
@@ -230,6 +238,8 @@ class LinearModel:
         if self.loose.shape[1]:
             raise no_equilibrium(self.motions, self.loose, EVEN_CLOSED)
         start = time.perf_counter()
+        with self._lock:  # another thread may let more steps be known
+            self._decided = True
         with single_threaded:
             made = self._made(self.route)
         self.timings["condensation"] = time.perf_counter() - start

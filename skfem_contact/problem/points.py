@@ -1,20 +1,188 @@
-r"""The dense contact problem on gaps and slips: ``S z = h + p`` with ``p = (lambda, -tau)``.
+r"""What an iteration asks of the contact points, and the dense problem that answers it.
 
-Eliminating a closed point from it is deleting its row and column.
+One iteration asks one linear question: with these points closed, those sticking and a given linear
+friction law on the rest (`Conditions`), what are the gaps, slips and contact forces (`Response`) under
+this load (`Load`)? On gaps and slips it is ``S z = h + p`` with ``p = (lambda, -tau)``. Eliminating a
+closed point from that is deleting its row and column.
 """
 
 from __future__ import annotations
 
 from dataclasses import field
-from typing import NamedTuple
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.arrays import Array, Index
+from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.digits import SOLVED
 from skfem_contact.linalg.dense_factors import DenseFactors, blocks, factorised
-from skfem_contact.problem.seam import Conditions, Load, Response, friction_force
 from skfem_contact.records import dataclass
+
+
+@dataclass(eq=False)
+class Conditions:
+    r"""The conditions at every point during one linear solve.
+
+    A closed point has no gap. If it sticks, its slip is `anchor`; otherwise its friction force is
+    ``tau = offset + spring (s - anchor) + coupling lambda``: springs may be far stiffer than points,
+    and what they give is then a small part of the slip. An open point carries nothing.
+
+    Attributes
+    ----------
+    closed, stick : ndarray of bool, shape (m,)
+    anchor, offset, coupling : ndarray, shape (m, d-1)
+        [length], [force], [1]
+    spring : ndarray, shape (m, d-1, d-1)
+        [force/length]
+    rough : bool
+        Whether an answer on the way will do: where linear problems are iterated, one that leaves a
+        hundredth of what is wrong with the iterate before.
+    """
+
+    closed: Mask
+    stick: Mask
+    anchor: Array
+    spring: Array
+    offset: Array
+    coupling: Array
+    rough: bool = False
+
+    @cached_property
+    def gives(self) -> bool:
+        """Return whether any point has a spring."""
+        return bool(np.count_nonzero(self.spring))
+
+    @property
+    def even_springs(self) -> bool:
+        """Return whether all springs are symmetric.
+
+        They are not where a bound grows with the slip: the force along the direction of friction then
+        changes with slip along another, that of all slip so far.
+        """
+        spring = self.spring
+        if spring.shape[1] == 1 or not self.gives:
+            return True
+        return not np.count_nonzero(_skewed(spring))
+
+    def matrix_key(self) -> bytes:
+        """Equal for conditions with the same matrix, so that a factorisation can be kept."""
+        masks = self.closed.tobytes() + self.stick.tobytes()
+        return masks + self.spring.tobytes() + self.coupling.tobytes()
+
+
+def odd_round_off(spring: Array) -> Array:
+    """Return what takes springs (m, t, t) that count as symmetric from being so; zero for the others.
+
+    >>> odd_round_off(np.array([[[2.0, 1e-12], [0.0, 2.0]], [[2.0, 1.0], [0.0, 2.0]]])).tolist()
+    [[[0.0, 5e-13], [-5e-13, 0.0]], [[0.0, 0.0], [0.0, 0.0]]]
+    """
+    odd = 0.5 * (spring - spring.swapaxes(1, 2))
+    odd[_skewed(spring)] = 0.0
+    return odd
+
+
+def _skewed(spring: Array) -> Mask:
+    """Springs (m, t, t) that differ from their transposes by more than round-off."""
+    size = np.max(np.abs(spring), axis=(1, 2))
+    skew = np.max(np.abs(spring - spring.swapaxes(1, 2)), axis=(1, 2))
+    return np.asarray(skew > SOLVED * size)
+
+
+@dataclass(eq=False)
+class Response:
+    """Gaps, slips and forces of all points, and the solution in the space's own unknowns.
+
+    `rough`: bodies are not yet in equilibrium as well as they will be, see `Conditions`.
+    """
+
+    gap: Array
+    slip: Array
+    normal_force: Array
+    tangential_force: Array
+    solution: Array
+    rough: bool = False
+
+
+class Resistance(NamedTuple):
+    """The resistance of each point by itself, the others free to move, (m,) [force/length].
+
+    Attributes
+    ----------
+    normal : ndarray, shape (m,)
+        Against a change of its gap.
+    tangential : ndarray, shape (m,)
+        Against slip, in the direction in which it resists least.
+    """
+
+    normal: Array
+    tangential: Array
+
+
+@dataclass(eq=False)
+class Load:
+    """One load step in the unknowns of a space: forces and initial gaps and slips.
+
+    Attributes
+    ----------
+    force : ndarray
+        Empty where it follows from `moved`.
+    components : tuple
+        What the bodies remember of the load, for the interior.
+    moved : ndarray
+        Changes of gaps, slips and anchors where contact carries nothing; on gaps and slips.
+    """
+
+    force: Array
+    gap0: Array
+    slip0: Array
+    prescribed: Array
+    components: tuple[Any, ...] = ()
+    moved: Array | None = None
+
+
+def friction_force(conditions: Conditions, moved: Array, normal_force: Array) -> Array:
+    """The linear friction law of the points that do not stick exactly, moved from their anchors."""
+    force = conditions.offset
+    if conditions.gives:
+        force = force + np.einsum("ikl,il->ik", conditions.spring, moved)
+    return force + conditions.coupling * normal_force[:, None]
+
+
+class LinearProblem(Protocol):
+    """A problem that gives gaps, slips and forces under conditions that are linear.
+
+    Attributes
+    ----------
+    points : PointSpace or None
+        The dense problem on gaps and slips, where it is that: pivoting and uniqueness need it.
+    springs : ndarray, shape (m,), or None
+        Compliance of the springs through which points are seen [length/force]; see `springs`. None
+        where rows do not depend on each other, and there are none. They are a device of the iteration:
+        it moves their rest forces until none has a strain.
+    """
+
+    @property
+    def points(self) -> Any: ...
+
+    @property
+    def springs(self) -> Array | None: ...
+
+    def solve(self, conditions: Conditions, load: Load) -> Response:
+        """Gaps, slips and forces of all points under these conditions.
+
+        Raises
+        ------
+        SingularMatrix
+            If the conditions do not hold the bodies.
+        """
+        ...
+
+    def at_forces(self, load: Load, normal_force: Array, tangential_force: Array) -> Load:
+        """A load of `ContactProblem.load` with the forces at which the springs have no strain."""
+        ...
+
 
 # What rows of -1 find at the end of a vector: those that can not change.
 NO_ROW = np.zeros(1)
@@ -72,46 +240,32 @@ class Unknowns(NamedTuple):
     since: Array
 
 
-class Duals(NamedTuple):
-    """Derivatives of a number by what an answer follows from.
-
-    Attributes
-    ----------
-    load, moved : ndarray
-        By the forces h on gaps and slips, (q,); and S times that. Of a `Zone`, `moved` is by what gaps,
-        slips and anchors do where contact carries nothing.
-    gap0 : ndarray, shape (m,)
-    slip0, anchor, offset : ndarray, shape (m, d-1)
-    """
-
-    load: Array
-    moved: Array
-    gap0: Array
-    slip0: Array
-    anchor: Array
-    offset: Array
+#: Derivatives of a number by what an answer follows from.
+Duals = dict[str, Array]
 
 
 class LoadForces:
     """Forces h on gaps and slips of loads that say what these do where contact carries nothing.
 
-    Of the load that was asked for last they are known.
+    Of the load that was asked for last they are known, and so is `pull`: what the bodies without the
+    springs on their anchors make of the extensions (k,) of these.
 
     Parameters
     ----------
     S : ndarray, shape (q, q)
         As of `PointSpace`.
-    A_zq : ndarray, shape (q, k)
-        What couples them with the springs on k anchors.
+    carried : ndarray, shape (k, q)
+        ``R A_qz``: by what gaps and slips pull k anchors along, without the springs on these.
     rigid : DenseFactors
-        Of ``A_qq - 1``.
+        Of ``A_qq - 1``, the inverse of which is R.
     on : ndarray of int, shape (q + k,), or None
         The rows and anchors among those of the load.
     """
 
-    def __init__(self, S: Array, A_zq: Array, rigid: DenseFactors, on: Index | None) -> None:
-        self._S, self._A_zq, self._rigid, self._on = S, A_zq, rigid, on
+    def __init__(self, S: Array, carried: Array, rigid: DenseFactors, on: Index | None) -> None:
+        self._S, self._carried, self._rigid, self._on = S, carried, rigid, on
         self._last: tuple[Load, Array] | None = None
+        self.pull = np.zeros(0)
 
     def __call__(self, load: Load) -> Array:
         last = self._last
@@ -121,7 +275,8 @@ class LoadForces:
             # A_zz - A_zq R A_qz = S and A_zq (1 - R A_qq) = -A_zq R, with R = (A_qq - 1)^-1
             h = self._S.dot(moved[:q])
             if len(moved) > q:
-                h -= self._A_zq @ self._rigid.solve(moved[q:])
+                self.pull = self._rigid.solve(moved[q:])
+                h -= moved[q:] @ self._carried
             last = self._last = load, h
         return last[1]
 
@@ -201,6 +356,12 @@ class PointSpace:
             Derivatives of a number by gaps, slips and forces; by the solution z too.
         key : object
             As of `unknowns`.
+
+        Returns
+        -------
+        dict of ndarray
+            Derivatives by the forces h on gaps and slips, `load` (q,), and S times that, `moved`; by
+            gap0 (m, 1), and by slip0, anchor and offset, (m, d-1).
         """
         rows = self._held(conditions, key)
         q, slip, normal_force, tangential = len(self.S), of.slip, of.normal_force, of.tangential_force
@@ -237,7 +398,8 @@ class PointSpace:
             held[rows.slides] = base[rows.sliding]
             given = np.einsum("ikl,ik->il", conditions.spring, known)
             held -= np.where(rows.slides, 0.0, given)
-        return Duals(r - p, own - base, gap0, slip - held, held - way, by_law + known)
+        found = {"load": r - p, "moved": own - base, "gap0": gap0[:, None], "slip0": slip - held}
+        return found | {"anchor": held - way, "offset": by_law + known}
 
     def _held(self, conditions: Conditions, key: object) -> HeldRows:
         """The rows that conditions hold; of the last ones, if their matrix is the same."""

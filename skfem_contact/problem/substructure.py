@@ -19,8 +19,6 @@ from scipy.sparse import csr_matrix
 from skfem_contact.arrays import Array, Index, same, sizes
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member, largest
-from skfem_contact.bodies.system import System, slices
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.digits import ROUND_OFF
 from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.linalg.backend import Backend, BodyFactor
@@ -28,14 +26,20 @@ from skfem_contact.linalg.dense_factors import cholesky, lu
 from skfem_contact.linalg.direct import Direct, IndefiniteFactor
 from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
 from skfem_contact.linalg.multifrontal.ordering import nodes_of
-from skfem_contact.once import Lock, once
-from skfem_contact.problem.seam import Source
-from skfem_contact.problem.thresholds import HELD_FIRMLY, MOST_DIRECTIONS, RECOVERED_AT_ONCE
+from skfem_contact.records import Lock, once
 
 logger = logging.getLogger("skfem_contact")
 
 Components = tuple[Array, Array]
 AsForce = Callable[[Array], Array] | None
+
+
+# Ratio of singular values of the rigid modes on some DOFs above which these hold the body firmly.
+HELD_FIRMLY = 1e-2
+
+
+# Load directions that are remembered; a history of more is condensed step by step.
+MOST_DIRECTIONS = 12
 
 
 class Directions(NamedTuple):
@@ -95,8 +99,8 @@ class LoadSpan:
         places, Q, b = known.places, known.values, load[known.places]
         if np.count_nonzero(b) != np.count_nonzero(load):  # it acts elsewhere, too
             places, Q, b = self._dofs, known.loads[self._dofs], load[self._dofs]
-        if len(b) == len(last[0]) and same(b, last[0]):  # most steps change one of many loads
-            return last[1]
+        if len(b) == len(last[0]) and not np.count_nonzero(b != last[0]):
+            return last[1]  # most steps change one of many loads
         c = Q.T.dot(b)  # in half the time of @
         rest = b - _combined(Q, c)
         again = Q.T.dot(rest)  # once more: the first pass leaves round-off of |b|
@@ -170,6 +174,7 @@ class Substructure:
     keeps_contact = True  # or contact DOFs are eliminated like all others
     definite = True  # but the tangent of a body that is not linear may be none of a stable state
     shaky = False  # and neither is what is condensed of it
+    _last: tuple[Array, Array, Array] | None = None  # a load like no other, and what it is when reduced
 
     def __init__(
         self,
@@ -293,11 +298,13 @@ class Substructure:
         force, move = forces.components(f), moves.components(x, self._by_supports)
         return None if force is None or move is None else (force, move)
 
-    def along(self, components: Components) -> Array:
+    def along(self, components: Components | None) -> Array:
         """Loads on the kept DOFs with one component, (n_c, k): those of forces, then those of moves.
 
         Of the directions that `components` are along.
         """
+        if components is None:
+            return np.zeros((len(self.kept), 0))
         if not self._spanned:
             return np.eye(len(self.kept))
         spans = zip(self._spans, components, strict=True)
@@ -311,6 +318,13 @@ class Substructure:
         if not (len(self.kept) and (f.any() or x.any())):
             return np.zeros(len(self.kept))
         return np.asarray(self._factor.reduce_load(self.free_load(f, x)))
+
+    def changed_load(self, f: Array, x: Array) -> Array:
+        """The same; the last load is remembered, as it may stay while those of other bodies change."""
+        last = self._last
+        if last is None or not (same(f, last[0]) and same(x, last[1])):
+            last = self._last = f.copy(), x.copy(), self.other_load(f, x)
+        return last[2]
 
     def recover(
         self,
@@ -382,116 +396,3 @@ def anchors(body: Body, wanted: Index, modes: Array) -> Index:
             chosen = np.union1d(chosen, here)
             seeds = np.concatenate([seeds, points[[found]]])
     return chosen
-
-
-class Substructures:
-    """All bodies, each reduced to its contact DOFs.
-
-    Parameters
-    ----------
-    system : System
-    stiffness : sequence of csr_matrix
-        Of each body.
-    wanted : ndarray of int
-        DOFs (stacked) that contact rows may touch.
-    reuse : sequence of Substructure or None
-        Parts that are still good, if they are of this kind.
-    backend : Backend, optional
-        What factorises the bodies, see `Substructure`.
-
-    Attributes
-    ----------
-    spans, column_spans : list of slice
-        All DOFs of each body, and its contact DOFs among those of all.
-    columns : ndarray of int, shape (n_c,)
-        Contact DOFs and anchors.
-    P : csr_matrix, shape (n_c, k)
-        Springs to the ground on the anchors, of the stiffness ``P P'``: one entry in each column.
-    """
-
-    kind: type[Substructure]
-    usual: Callable[[], Any] = Direct
-
-    def __init__(
-        self,
-        system: System,
-        stiffness: Sequence[csr_matrix],
-        wanted: Index,
-        reuse: Sequence[Substructure | None] = (),
-        backend: Backend | None = None,
-    ) -> None:
-        self.backend: Any
-        self.system, self.stiffness, self.backend = system, stiffness, backend or self.usual()
-        self.spans, self.substructures = slices(system.offsets), list[Any]()
-        for i, body in enumerate(system.bodies):
-            part = reuse[i] if len(reuse) else None
-            if not isinstance(part, self.kind):
-                firm = firmness(system, stiffness, wanted) if len(body.rotations) else 0.0
-                mine = wanted_of(body, self.spans[i], wanted)
-                part = self.kind(body, stiffness[i], mine, firm, self.backend, system.modes(i))
-            self.substructures.append(part)
-        parts = list(zip(self.substructures, self.spans, strict=True))
-        columns = [part.columns + span.start for part, span in parts]
-        self.columns = np.concatenate(columns)
-        self.column_spans = slices(np.cumsum([0, *map(len, columns)]))
-        anchors = np.concatenate([part.anchors + span.start for part, span in parts])
-        place = np.searchsorted(self.columns, anchors), np.arange(len(anchors))
-        springs = np.concatenate([part.springs for part, _ in parts])
-        self.P = csr_matrix((np.sqrt(springs), place), (len(self.columns), len(anchors)))
-
-    @once
-    def softness(self) -> Array:
-        """Return how far a unit force moves each contact DOF, all others held, (n_c,) [length/force].
-
-        By the diagonal of K, which knows of no anchors; zero of a rigid body.
-        """
-        stiff = [
-            part.K.diagonal()[part.columns]
-            if isinstance(part.body, Body)
-            else np.full(len(part.columns), np.inf)
-            for part in self.substructures
-        ]
-        return 1.0 / np.concatenate(stiff)
-
-    def recover(
-        self, sources: Source, components: Sequence[Any], cases: Sequence[LoadCase]
-    ) -> list[Array]:
-        """All displacements, r arrays (n,), from r sources: forces on the contact DOFs (n_c, r).
-
-        Or from displacements of all DOFs (n, r), which are the sources themselves. `components` are
-        those of the loads of all bodies, where they have any, see `Substructure.components`.
-        """
-        if not sources.forces:
-            return [np.array(u) for u in sources.values.T]
-        u = [np.array(case.x) for case in cases]
-        for k, (span, own) in enumerate(zip(self.spans, self.column_spans, strict=True)):
-            part = self.substructures[k]
-            place = span.start + part.order
-            for first in range(0, len(u), RECOVERED_AT_ONCE):
-                some = slice(first, first + RECOVERED_AT_ONCE)
-                x = part.recover(
-                    sources.values[own, some],
-                    [known[k] if known else None for known in components[some]],
-                    [(case.f[span], case.x[span]) for case in cases[some]],
-                )
-                for few in range(0, x.shape[1], 8):  # a copy of all would take as much memory again
-                    columns = np.ascontiguousarray(x[:, few : few + 8].T)
-                    for column, out in zip(columns, u[first + few :], strict=False):
-                        out[place] = column
-                del x  # or it waits while the next one is computed
-        return u
-
-
-def wanted_of(body: Member, span: slice, wanted: Index) -> Index:
-    """Of stacked DOFs those of one body that are not prescribed, in its own numbering."""
-    chosen = np.zeros(body.n, dtype=bool)
-    chosen[wanted[(wanted >= span.start) & (wanted < span.stop)] - span.start] = True
-    chosen[body.D] = False
-    return np.flatnonzero(chosen)
-
-
-def firmness(system: System, stiffness: Sequence[csr_matrix], wanted: Index) -> float:
-    """Stiffness that rigid bodies meet: the median over contact DOFs of the other bodies."""
-    solid = np.concatenate([np.full(body.n, isinstance(body, Body)) for body in system.bodies])
-    diagonal = np.concatenate([K.diagonal() for K in stiffness])
-    return float(np.median(diagonal[wanted[solid[wanted]]]))

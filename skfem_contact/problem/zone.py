@@ -1,8 +1,12 @@
-r"""Of the points those that may carry a force at the moment: the zone.
+r"""The contact problem on gaps and slips, of those points that may carry a force: the zone.
 
-With the compliance W of gaps, slips and anchors (`condensed`), points that are open, and far from
-closing, are left out by leaving out their rows: what carries no force gives way freely. The stiffness
-of the others is ``A = W_kk^-1``, k the rows of the zone and of the anchors, less the springs on these,
+`PointProblem` puts the bodies of `condensed` on a pairing: with ``z = B u`` the gaps and slips of the
+points all else is eliminated (a Delassus operator, as in Francavilla and Zienkiewicz, 1975). A new
+pairing costs a new `PointProblem` and nothing before it.
+
+Of the compliance W of gaps, slips and anchors the rows of points that are open, and far from closing,
+are left out: what carries no force gives way freely. The stiffness of the others is ``A = W_kk^-1``, k
+the rows of the zone and of the anchors, less the springs on these,
 
     (A - [0, 0; 0, 1]) [z; q] = A [z0; q0] + [p; 0],
 
@@ -17,18 +21,129 @@ time that a solver takes, is formed only where nearly all points are in the zone
 from __future__ import annotations
 
 from copy import copy
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.linalg import LinAlgError
+from scipy.sparse import csr_matrix
 
 from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.conditions.rows import stacked_rows
+from skfem_contact.conditions.state import LoadCase
 from skfem_contact.errors import SingularMatrix
-from skfem_contact.linalg.dense_factors import DenseFactors, blocks, cholesky, lu, symmetrise
-from skfem_contact.once import once
-from skfem_contact.problem import thresholds
-from skfem_contact.problem.points import NO_ROW, Duals, LoadForces, PointSpace
-from skfem_contact.problem.seam import Conditions, Load, Response
-from skfem_contact.problem.thresholds import FEWEST, LOOSE, SPARE
+from skfem_contact.linalg.dense_factors import blocks, cholesky, lu, symmetrise
+from skfem_contact.problem.points import (
+    NO_ROW,
+    Conditions,
+    Duals,
+    Load,
+    LoadForces,
+    PointSpace,
+    Resistance,
+    Response,
+)
+from skfem_contact.problem.seam import (
+    DEPENDENT,
+    OnContactDofs,
+    PosedOn,
+    independent,
+    point_resistance,
+    resistance_by,
+    spring_compliance,
+)
+from skfem_contact.records import once
+
+# Size of the compliance of all points up to which its inverse stays beside it [bytes]. Of a larger one,
+# of 2 800 rows, it takes half a second and more, and is formed where somebody asks. Dense matrices of
+# this size altogether are made however few load steps there are.
+KEPT_BESIDE = 64_000_000
+
+
+# Pivot of the bodies without the springs on their anchors, over the largest stiffness with them, below
+# which the points of a zone hardly hold them: taking away the springs costs forces as many digits.
+LOOSE = 1e-5
+
+
+# Points kept besides those that are closed, as a share of these, and at least so many.
+SPARE, FEWEST = 0.1, 8
+
+
+class PointProblem(OnContactDofs):
+    """The contact problem on gaps and slips, see `Compliance`."""
+
+    def __init__(self, bodies: Any, on: PosedOn) -> None:
+        super().__init__(bodies, on)
+        if bodies.P.nnz:
+            self.G = stacked_rows([self.G, csr_matrix(bodies.P.T)])
+        W, self.unknowns = bodies.compliance(self.G), self.q
+        stable = all(part.definite for part in bodies.substructures)
+        whole = Compliance(W, self.normal_rows, self.tangential_rows, self.q, stable)
+        self.compliance = whole
+        try:
+            if whole.small or not (stable and independent(self.G, bodies.least_softness, W.diagonal())):
+                self.zones.whole()
+        except SingularMatrix:  # is told to whom it matters
+            pass
+        except LinAlgError:  # rows that depend on each other: corners, chains, tools that are held
+            if on.independent():
+                # it is a body that flows or buckles that makes them alike: they are taken as they are
+                self._give_way(np.zeros(on.kin.m), np.zeros(self.tangential_rows.shape))
+                try:
+                    self.zones.whole()
+                except LinAlgError as error:
+                    raise SingularMatrix(str(error)) from None
+                return
+            self.springs = spring_compliance(self.rows, self.slips, bodies.softness)
+            self._give_way(self.springs, self.springs[:, None])
+            self.unknowns = 0
+
+    @cached_property
+    def zones(self) -> Zones:
+        """Of this problem's memory."""
+        return Zones(self.compliance)
+
+    def _begin_anew(self) -> None:
+        super()._begin_anew()
+        vars(self).pop("zones", None)
+
+    def _give_way(self, normal: Array, tangential: Array) -> None:
+        """See all points through springs of these compliances, (m,) and (m, d-1), and no others."""
+        give = self.on_rows(normal, tangential)
+        self.compliance = self.compliance.with_springs(give - self.give)
+        self.give = give
+        self._begin_anew()
+
+    @property
+    def points(self) -> PointSpace | None:
+        """The dense problem of all points; None where they are seen through springs."""
+        return self.zones.whole().space if self.springs is None else None
+
+    @cached_property
+    def resistance(self) -> Resistance:
+        """Return what each point resists by itself; anchors hold bodies that their supports do not.
+
+        Where points are seen through springs, what its own DOFs resist: anchors depend on numbering.
+        """
+        if self.springs is None:
+            return resistance_by(self.compliance.W, self.normal_rows, self.tangential_rows)
+        return point_resistance(self.rows, self.slips, self.bodies.softness)
+
+    def load(self, case: LoadCase) -> Load:
+        """A load case on gaps and slips."""
+        return self._load(case, *self.bodies.load(case.f, case.x))
+
+    def other_load(self, case: LoadCase) -> Load:
+        """A load case that is like no other, or one of its derivatives: nothing of it is remembered."""
+        force = self.bodies.other_load(case.f, case.x)
+        return self._load(case, (), force, self.bodies.flexibility(force))
+
+    def _load(self, case: LoadCase, components: tuple[Any, ...], force: Array, u: Array) -> Load:
+        return Load(np.zeros(0), *self.constant(case), force, components, self.G @ u)
+
+    def solve(self, conditions: Conditions, load: Load) -> Response:
+        """Gaps, slips and forces under these conditions."""
+        return self.zones.solve(conditions, load)
 
 
 class Zones:
@@ -133,7 +248,7 @@ class Compliance:
     ) -> None:
         self.W, self.q, self.stable, self.refuses = W, q, stable, refuses
         self.normal_rows, self.tangential_rows = normal_rows, tangential_rows
-        self.small = W.nbytes <= thresholds.KEPT_BESIDE  # the stiffness of all points is kept beside it
+        self.small = W.nbytes <= KEPT_BESIDE  # the stiffness of all points is kept beside it
 
     @once
     def whole(self) -> Zone:
@@ -193,7 +308,7 @@ class Zone:
             self._left = np.flatnonzero(self._dropped)
             self._left_rows = whole.normal_rows[self._left], whole.tangential_rows[self._left]
         A = whole.inverse(on, refuses)
-        self._A_zq, self._A_qq = A[:q, q:].copy(), A[q:, q:].copy()
+        A_zq, self._A_qq = A[:q, q:].copy(), A[q:, q:].copy()
         try:
             self._rigid = lu(self._A_qq - np.eye(len(A) - q))
         except LinAlgError:
@@ -203,15 +318,16 @@ class Zone:
             return
         held = np.min(self._rigid.diagonal, initial=np.inf)
         self.good = bool(keep is None or held >= LOOSE * np.max(self._A_qq, initial=0.0))
-        S = without_anchors(A, self._A_zq, self._rigid)
-        self._on = on
-        self.space = PointSpace(S, normal, tangential, LoadForces(S, self._A_zq, self._rigid, on))
+        self._carried = self._rigid.solve(A_zq.T)
+        S = without_anchors(A, A_zq, self._carried)
+        self._on, self._forces = on, LoadForces(S, self._carried, self._rigid, on)
+        self.space = PointSpace(S, normal, tangential, self._forces)
 
     def anew(self) -> Zone:
         """The same with a memory of its own."""
         new, space = copy(self), self.space
-        forces = copy(space.follows)
-        new.space = PointSpace(space.S, space.normal_rows, space.tangential_rows, forces)
+        new._forces = copy(self._forces)
+        new.space = PointSpace(space.S, space.normal_rows, space.tangential_rows, new._forces)
         return new
 
     def keeps(self, needed: Mask) -> bool:
@@ -226,7 +342,8 @@ class Zone:
         if len(self._A_qq):
             moved = load.moved if self._on is None else load.moved[self._on]
             z0, q0 = moved[: len(z)], moved[len(z) :]
-            q = self._rigid.solve(self._A_qq @ q0 - self._A_zq.T @ (z - z0))
+            # R (A_qq q0 - A_qz (z - z0)), with R = (A_qq - 1)^-1 and the pull R q0
+            q = q0 + self._forces.pull - self._carried @ (z - z0)
         if self.left:
             full = np.zeros(len(self.rows) + len(self.rest) + 1)  # the last for rows of -1
             full[self.rows] = z
@@ -247,6 +364,12 @@ class Zone:
         of : Response
             Derivatives of a number by gaps, slips and forces of all points; its solution those by the
             forces of all rows and of the springs on anchors, which come on top.
+
+        Returns
+        -------
+        dict of ndarray
+            As of `PointSpace.adjoint`; `moved` is by what gaps, slips and anchors do where contact
+            carries nothing.
         """
         forces, moved = of.solution.copy(), np.zeros(len(of.solution))
         q, by_z = len(forces) - len(self._A_qq), np.zeros(len(self.rows))
@@ -257,17 +380,16 @@ class Zone:
             forces[self._on] += moved[self.rest] @ self._across
         if len(forces) > q:
             anchors = self._rigid.solve(forces[q:])
-            by_z = -self._A_zq @ anchors
+            by_z = -forces[q:] @ self._carried
         p = np.concatenate((forces[:q], NO_ROW))
         normal_force = of.normal_force + p[self._normal]
         friction = of.tangential_force - p[self._tangential]
-        found = self.space.adjoint(
-            conditions, Response(of.gap, of.slip, normal_force, friction, by_z), key
-        )
-        moved[self.rows] = found.moved - by_z
+        own = Response(of.gap, of.slip, normal_force, friction, by_z)
+        found = self.space.adjoint(conditions, own, key)
+        moved[self.rows] = found["moved"] - by_z
         if len(forces) > q:
-            moved[q:] = self._A_qq @ anchors - self._rigid.solve(self._A_zq.T @ found.load)
-        return found._replace(moved=moved)
+            moved[q:] = self._A_qq @ anchors - self._carried @ found["load"]
+        return found | {"moved": moved}
 
 
 def indefinite_inverse(W: Array, refuses: bool = True) -> Array:
@@ -284,7 +406,7 @@ def indefinite_inverse(W: Array, refuses: bool = True) -> Array:
     W /= size
     W /= size[:, None]
     factors = lu(W)
-    if refuses and not factors.even(thresholds.DEPENDENT**2):
+    if refuses and not factors.even(DEPENDENT**2):
         raise LinAlgError("dependent contact rows")
     inverse = factors.solve(np.eye(len(W)))
     inverse /= size
@@ -306,19 +428,19 @@ def definite_inverse(W: Array, refuses: bool = True) -> Array:
     """
     scale = np.sqrt(np.diag(W))
     factors = cholesky(W.T, overwrite=True)
-    if refuses and np.min(factors.diagonal / scale, initial=1.0) < thresholds.DEPENDENT:
+    if refuses and np.min(factors.diagonal / scale, initial=1.0) < DEPENDENT:
         raise LinAlgError("dependent contact rows")
     return factors.inverse()
 
 
-def without_anchors(A: Array, A_zq: Array, rigid: DenseFactors) -> Array:
-    """``A_zz - A_zq R A_qz``, in the place of A; R is the inverse of what `rigid` factorises."""
+def without_anchors(A: Array, A_zq: Array, carried: Array) -> Array:
+    """``A_zz - A_zq R A_qz``, in the place of A; `carried` is ``R A_qz``."""
     q = len(A_zq)
     if len(A) == q:
         return A
     # the rows close up, from the first one on: NumPy copies what is not in one piece for every product
-    S, moved = A.reshape(-1)[: q * q].reshape(q, q), rigid.solve(A_zq.T)
+    S = A.reshape(-1)[: q * q].reshape(q, q)
     for rows in blocks(q):
-        S[rows] = A[rows, :q] - A_zq[rows] @ moved
+        S[rows] = A[rows, :q] - A_zq[rows] @ carried
     symmetrise(S)
     return S

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from skfem_contact.arguments import not_negative, positive
 from skfem_contact.errors import InputError
-from skfem_contact.reference._check import not_negative, positive
 
 
 @dataclass(frozen=True, eq=False)

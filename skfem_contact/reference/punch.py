@@ -10,7 +10,7 @@ import numpy as np
 import scipy  # its parts are imported when they are used
 from numpy.typing import ArrayLike, NDArray
 
-from skfem_contact.reference._check import not_negative, poisson, positive
+from skfem_contact.arguments import not_negative, poisson, positive
 
 Array = NDArray[np.float64]
 

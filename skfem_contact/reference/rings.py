@@ -10,8 +10,8 @@ import numpy as np
 import scipy  # its parts are imported when they are used
 from numpy.typing import ArrayLike, NDArray
 
+from skfem_contact.arguments import not_negative, poisson, positive
 from skfem_contact.errors import InputError
-from skfem_contact.reference._check import not_negative, poisson, positive
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from skfem_contact.arguments import not_negative, positive
 from skfem_contact.errors import InputError
-from skfem_contact.reference._check import not_negative, positive
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
 from skfem_contact.answers import answer_of
-from skfem_contact.problem import least_friction
+from skfem_contact.loops import least_friction
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import judge_mirror as judge

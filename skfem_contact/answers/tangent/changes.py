@@ -9,11 +9,10 @@ forces, without solving either.
 
 from __future__ import annotations
 
-from copy import copy
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_matrix, diags
+from scipy.sparse import csr_matrix, diags, issparse
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.placed import fluid_beyond
@@ -25,14 +24,16 @@ from skfem_contact.bodies.member import Member
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.friction import Coulomb, Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.state import transport
 from skfem_contact.errors import InputError
+from skfem_contact.sealed import copied
 
 #: What changes loads of bodies, so that derivatives by these are needed inside; then what does not.
 LOADS = "stiffness", "load", "displacement", "scene"
 BOLTS = "bolt_force", "bolt_stretch"
 GAPS = "interference", "gap"
+#: Bodies with their DOFs, contacts with their points, or bolts.
+Places = list[tuple[int, Any]]
 #: The name of the values of a parameter at each point or DOF.
 FIELD = "field"
 KINDS = "friction", *LOADS, *GAPS, "motion", *BOLTS
@@ -139,18 +140,17 @@ def change(by: Parameter, tangent: Tangent) -> Values:
     the stretch of bolts at the same displacements, `drive`, and of their tension at the same stretch
     too (b,); of area (m, 1), normal (m, d) and axes.
     """
-    if by.kind in SINGLE:
-        return SINGLE[by.kind](by, tangent)
-    answer, kin, motion = tangent.answer, tangent.answer.kin, by.kind == "motion"
-    case, beyond = answer.case, answer.load - answer.case.f  # what fluids have on deformed boundaries
-    own = {"load": case.applied + beyond, "displacement": case.x}.get(by.kind, np.ones((kin.m, 1)))
-    p = np.zeros(own.shape[:1] + kin.normal.shape[1:] if motion else own.shape)
-    places = _places(by, answer)
+    if by.kind == "scene":
+        return _between(by, tangent)
+    if by.kind in BOLTS and tangent.bolts is None:
+        return {}
+    answer, places = tangent.answer, _places(by, tangent.answer)
+    (m, d), b = answer.kin.normal.shape, len(answer.bolt_names)
+    of_dofs, of_bolts = dict.fromkeys(LOADS, (answer.system.n,)), dict.fromkeys(BOLTS, (b,))
+    p = np.zeros((of_dofs | of_bolts | {"motion": (m, d)}).get(by.kind, (m, 1)))
+    whole = by.along is None or (by.kind == "stiffness" and issparse(by.along))
     for _, at in places:
-        if by.along is None:
-            p[at] = own[at]
-        else:
-            p[at] = _field(by, p.shape[1] if motion else len(p[at])).reshape(-1, *p.shape[1:])
+        p[at] = 1.0 if whole else _field(by, p[at])
     values = {FIELD: p}
     take(_maps(by, tangent, places), values)
     return values
@@ -172,31 +172,47 @@ def contracted(by: Parameter, tangent: Tangent, duals: Values) -> Any:
     return own.sum(axis=0) if by.kind == "motion" else own.ravel()
 
 
-def _maps(by: Parameter, tangent: Tangent, places: list[tuple[int, slice]]) -> Maps:
-    """What a field of the parameter changes: of what it is at each point or DOF, zero elsewhere."""
-    answer, kin = tangent.answer, tangent.answer.kin
-    if by.kind in LOADS:
-        load, share = by.kind == "load", np.zeros(answer.system.n)
+def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
+    """What the values of a parameter at each point or DOF change, which are zero at other places."""
+    answer, bolts, kind = tangent.answer, tangent.bolts, by.kind
+    case, system, kin = answer.case, answer.system, answer.kin
+    own: Array
+    if bolts is not None and kind in BOLTS:
+        given = tangent.tightened if kind == "bolt_force" else ~tangent.tightened & ~tangent.locked
+        return [("drive", FIELD, given / np.where(tangent.tightened, bolts.k, 1.0))]
+    if kind == "stiffness":
+        borne, along = np.zeros(system.n), by.along
         for i, at in places:
-            share[at] = 1.0
-            if by.field or by.along is not None:  # of a body in a step over those that a user gives
-                factor, scale = (
-                    answer.case.scale[not load],
-                    answer.system.scale(answer.system.bodies[i]),
-                )
-                share[at] = (1.0 / scale if load else scale) * (1.0 if factor is None else factor)
-        return [("f" if load else "x", FIELD, share)]
-    on = np.zeros((kin.m, 1))
-    for i, at in places:
-        on[at, 0] = _by_coefficient(tangent, i, at) if by.kind == "friction" else 1.0
-    if by.kind == "friction":
+            body, u = system.bodies[i], answer.stretched(system.bodies[i])
+            if not issparse(along):
+                borne[at] = _borne(body, answer.stiffness[i], u)
+                if bolts:  # the stiffness of a step that gives their forces lets them slide
+                    P = bolts.pulls[:, at]
+                    borne[at] += P.T @ np.where(tangent.tightened, P @ u / bolts.k, 0.0)
+            elif along.shape == (body.n, body.n):
+                borne[at] = system.scaled(body, along) @ u
+            else:
+                raise InputError(f"{by!r}: along has shape {along.shape}; the body has {body.n} DOFs")
+        return [("borne", FIELD, borne), *_eased(tangent)]
+    if kind in LOADS:
+        load = kind == "load"
+        # of a body in a step over those that a user gives; or of all, with what fluids have by now
+        factor, units = case.scale[not load], system.units * np.ones(1)
+        own = (1.0 / units if load else units) * (1.0 if factor is None else factor)
+        if not by.field and by.along is None:
+            own = case.applied + (answer.load - case.f) if load else case.x
+        return [("f" if load else "x", FIELD, own)]
+    if kind == "friction":
+        on = np.zeros((kin.m, 1))
+        for i, at in places:
+            on[at, 0] = _by_coefficient(tangent, i, at)
         return [("bound", FIELD, on), ("mapped", FIELD, (tangent.direction * on)[:, :, None])]
-    paired = kin.paired[:, None]
-    if by.kind == "motion":
-        on = np.where(paired, -on, 0.0)
-        return [("gap0", FIELD, (on * kin.normal)[:, None]), ("slip0", FIELD, on[:, None] * kin.axes)]
-    rows = 1.0 * paired if kin.gap_weights is None else diags(1.0 * kin.paired) @ kin.gap_weights
-    return [("given", FIELD, on if by.kind == "gap" else -on), ("gap0", "given", rows)]
+    if kind == "motion":
+        own = np.where(kin.paired, -1.0, 0.0)[:, None, None]
+        return [("gap0", FIELD, own * kin.normal[:, None]), ("slip0", FIELD, own * kin.axes)]
+    own = np.where(kin.paired, 1.0, 0.0)[:, None]
+    rows = own if kin.gap_weights is None else diags(own[:, 0]) @ kin.gap_weights
+    return [("given", FIELD, np.array([1.0 if kind == "gap" else -1.0])), ("gap0", "given", rows)]
 
 
 def _by_coefficient(tangent: Tangent, i: int, part: slice) -> Array:
@@ -232,21 +248,28 @@ def _between(by: Parameter, tangent: Tangent) -> Values:
             "is, and change both coefficients by one factor."
         )
     less, more = (_in_scene(solver, tangent) for solver in ends)
-    return {name: (more[name] - less[name]) / width for name in less}
+    found = {name: (more[name] - less[name]) / width for name in less}
+    take(_eased(tangent), found)
+    return found
 
 
 def _in_scene(solver: Any, tangent: Tangent) -> Values:
     """What a scene makes of the displacements and forces of an answer, with loads and geometry."""
     answer, local, u = tangent.answer, tangent.local, tangent.answer.u
-    kin, case = solver.kin, _case_there(solver, answer)
+    kin, reader = solver.kin, solver._reader
+    # an interference that no step gives is the scene's own
+    own = np.repeat(answer.case.own, [len(values) for values in reader._own])
+    given = np.where(own, np.concatenate(reader._own), answer.case.interference)
+    case = reader.resumed(copied(answer.case, interference=given), answer.case.x)
     bodies = zip(answer.system.bodies, solver.system.bodies, solver.linear_model.stiffness, strict=True)
-    borne = np.concatenate([_borne(there, K, answer.stretched(body)) for body, there, K in bodies])
-    f = case.f - borne + kin.B_n.T @ local.normal_force
+    borne = [_borne(there, K, answer.stretched(body)) for body, there, K in bodies]
+    f = case.f + kin.B_n.T @ local.normal_force
     for i, pressures in case.fluid.items():
         part = solver.system.slice(solver.system.names[i])
         f[part] += fluid_beyond(solver.system.bodies[i], pressures, u[part])[0]
     gap0 = np.where(kin.paired, case.gap0, 0.0) + np.where(kin.paired, kin.B_n @ u, 0.0)
-    out = {"f": f, "x": case.x, "gap0": gap0[:, None], "area": kin.area[:, None], "normal": kin.normal}
+    out = {"f": f, "x": case.x, "borne": np.concatenate(borne), "gap0": gap0[:, None]}
+    out |= {"area": kin.area[:, None], "normal": kin.normal}
     if local.slip.size:
         # tangents in space are a choice, which jumps: those of the answer are turned to these normals
         turned = transport(answer.kin.axes.swapaxes(0, 1), answer.kin.normal, kin.normal)
@@ -262,58 +285,10 @@ def _in_scene(solver: Any, tangent: Tangent) -> Values:
         bound = rule.bound(local.normal_force, local.slip)
         out["bound"] = np.where(tangent.closed, bound, 0.0)[:, None]
         out["axes"] = np.einsum("ikl,ild->ikd", own, kin.axes).reshape(kin.m, -1)
-    return out | _pulled(tangent, borne)
+    return out
 
 
-def _case_there(solver: Any, answer: Answer) -> LoadCase:
-    """The load case of an answer as another solver of the scene reads it."""
-    reader, case = solver._reader, copy(answer.case)
-    case.f = answer.case.applied  # without the load of bolts
-    case.interference = given = np.array(case.interference)
-    points = answer.model.interface.point_slices
-    for part, own, values in zip(points, case.own, reader._own, strict=True):
-        if own:
-            given[part] = values
-    found: LoadCase = reader.resumed(case, case.x)
-    return found
-
-
-# -- bolts, and what bodies bear ------------------------------------------------------------------
-
-
-def _drawn(by: Parameter, tangent: Tangent) -> Values:
-    """Of bolts whose force or stretch a load step gives."""
-    answer, bolts = tangent.answer, tangent.bolts
-    if bolts is None or answer.bolts is None:
-        return {}
-    known = zip(answer.bolt_names, answer.bolts.bolts, strict=True)
-    named = np.array([by.of is None or by.of == name or by.of is bolt for name, bolt in known])
-    if not named.any():
-        raise InputError(f"{by!r}: there is no such bolt; there are {', '.join(answer.bolt_names)}.")
-    given = tangent.tightened if by.kind == "bolt_force" else ~tangent.tightened & ~tangent.locked
-    along = np.where(named & given, 1.0 if by.along is None else by.along, 0.0)
-    return {"drive": along / np.where(tangent.tightened, bolts.k, 1.0)}
-
-
-def _stiffer(by: Parameter, tangent: Tangent) -> Values:
-    """Of the stiffness of bodies, by what a change of it makes them bear, bolts drawn together."""
-    answer, bolts = tangent.answer, tangent.bolts
-    borne = np.zeros(answer.system.n)
-    for i, at in _places(by, answer):
-        body = answer.system.bodies[i]
-        u = answer.stretched(body)
-        if hasattr(by.along, "tocsr"):
-            K = by.along.tocsr()
-            if K.shape != (body.n, body.n):
-                raise InputError(f"{by!r}: along has shape {K.shape}; the body has {body.n} DOFs")
-            borne[at] = answer.system.scaled(body, K) @ u
-            continue
-        borne[at] = _borne(body, answer.stiffness[i], u)
-        if bolts:  # the stiffness of a step that gives their forces lets them slide
-            P = bolts.pulls[:, at]
-            borne[at] += P.T @ np.where(tangent.tightened, P @ u / bolts.k, 0.0)
-        borne[at] *= 1.0 if by.along is None else float(by.along)
-    return {"f": -borne} | _pulled(tangent, borne)
+# -- what bodies bear ---------------------------------------------------------------------------
 
 
 def _borne(body: Member, K: csr_matrix, u: Array) -> Array:
@@ -321,23 +296,26 @@ def _borne(body: Member, K: csr_matrix, u: Array) -> Array:
     return np.asarray(body.linearize(u)[1] if body.nonlinear else K @ u)
 
 
-def _pulled(tangent: Tangent, borne: Array) -> Values:
-    """Changes of stretch and force of bolts, from those of what all bodies bear, (n,)."""
-    if (bolts := tangent.bolts) is None:
-        return {}
-    tension = np.asarray(bolts.slides @ borne)
-    return {"drive": np.where(tangent.tightened, -tension / bolts.k, 0.0), "tension": tension}
-
-
-#: What is one number, and has no field.
-SINGLE = {"scene": _between, "stiffness": _stiffer, "bolt_force": _drawn, "bolt_stretch": _drawn}
+def _eased(tangent: Tangent) -> Maps:
+    """Changes of loads, and of stretch and force of bolts, from those of what all bodies bear, (n,)."""
+    maps: Maps = [("f", "borne", -np.ones(1))]
+    if (bolts := tangent.bolts) is not None:
+        slides = np.where(tangent.tightened, -1.0 / bolts.k, 0.0)
+        maps += [("tension", "borne", bolts.slides), ("drive", "tension", slides)]
+    return maps
 
 
 # -- whose ----------------------------------------------------------------------------------------
 
 
-def _places(by: Parameter, answer: Answer) -> list[tuple[int, slice]]:
-    """Bodies of a parameter with their DOFs, or contacts with their points."""
+def _places(by: Parameter, answer: Answer) -> Places:
+    """Bodies of a parameter with their DOFs, contacts with their points, or bolts."""
+    if (bolts := answer.bolts) is not None and by.kind in BOLTS:
+        each = zip(bolts.names, bolts.bolts, strict=True)
+        named = np.array([by.of is None or by.of == name or by.of is bolt for name, bolt in each])
+        if not named.any():
+            raise InputError(f"{by!r}: there is no such bolt; there are {', '.join(bolts.names)}.")
+        return [(0, named)]
     if by.kind in LOADS:
         system = answer.system
         if isinstance(by.of, Contact):
@@ -360,8 +338,10 @@ def _places(by: Parameter, answer: Answer) -> list[tuple[int, slice]]:
     return [(i, answer.model.interface.point_slices[i]) for i in some]
 
 
-def _field(by: Parameter, count: int) -> Array:
+def _field(by: Parameter, there: Array) -> Array:
+    """The values of `along` in the shape that they have there."""
+    wanted = {"motion": there.shape[1:], "stiffness": ()}.get(by.kind, there.shape[:1])
     values = numbers(by.along, f"{by!r}: along", "give a number, or one for each point or DOF")
-    if values.shape != (count,) and (values.shape or by.kind == "motion"):
-        raise InputError(f"{by!r}: along has shape {values.shape}, not ({count},)")
-    return values
+    if values.shape != wanted and (values.shape or by.kind == "motion"):
+        raise InputError(f"{by!r}: along has shape {values.shape}, not {wanted}")
+    return values.reshape(-1, *there.shape[1:])

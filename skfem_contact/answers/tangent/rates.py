@@ -31,13 +31,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import issparse
+from scipy.sparse import block_diag, csr_matrix
 
-from skfem_contact.answers.tangent.tangent import Slopes, Tangent, Values
+from skfem_contact.answers.tangent.tangent import Slopes, Tangent, Values, add, mapped_slopes
 from skfem_contact.arrays import Array, lengths, size_of, unit_vectors
+from skfem_contact.conditions.friction_rule import Derivatives
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, NotConverged
-from skfem_contact.problem.points import Duals
 
 #: Changes of states, by point with a kink, before a derivative to one side is given up: directions of
 #: friction are found in a handful.
@@ -61,6 +61,7 @@ def _before(tangent: Tangent) -> Maps:
         maps += [("offset", "last slip", by_slip), ("offset", "last reference", -by_slip)]
     if tangent.bolts:
         maps.append(("drive", "last stretch", 1.0 * tangent.locked))
+        maps.append(("f", "drive", csr_matrix(-tangent.bolts.pulls.T)))
     return maps
 
 
@@ -85,14 +86,10 @@ def _after(tangent: Tangent, lost: bool) -> Maps:
     if tangent.bolts:  # those with a force that is given slide
         k, each = tangent.bolts.k, np.ones(1)
         slides = np.where(tangent.tightened, -1 / k, 0.0)
+        maps.append(("pull", "u", tangent.bolts.pulls))
         maps += [("stretch", "drive", each), ("stretch", "pull", slides)]
         maps += [("tension", "stretch", k), ("tension", "pull", each)]
     return maps
-
-
-def add(values: Values, name: str, own: Array) -> None:
-    """Add to the values of a name, which may not be there yet."""
-    values[name] = values[name] + own if name in values else own
 
 
 def take(maps: Maps, values: Values, back: bool = False) -> None:
@@ -101,7 +98,7 @@ def take(maps: Maps, values: Values, back: bool = False) -> None:
         to, by = (of, out) if back else (out, of)
         if by not in values:
             continue
-        if issparse(block):
+        if not isinstance(block, np.ndarray):
             add(values, to, (block.T if back else block) @ values[by])
         elif block.ndim == 3:
             add(values, to, np.einsum("ikl,ik->il" if back else "ikl,il->ik", block, values[by]))
@@ -127,16 +124,12 @@ class Rates:
     """
 
     def __init__(self, tangent: Tangent, change: Values, last: Values) -> None:
-        bolts, self.tangent = tangent.bolts, tangent
+        self.tangent = tangent
         self.values = values = change | {"last " + name: own for name, own in last.items()}
         take(_before(tangent), values)
-        if bolts and "drive" in values:
-            add(values, "f", -bolts.pulls.T @ values["drive"])
-        found, self._recover = tangent.respond(values)
-        values |= {"gap": found.gap[:, None], "normal_force": found.normal_force[:, None]}
-        values |= {"slip": found.slip, "friction": found.tangential_force}
-        if bolts:
-            values["pull"] = bolts.pulls @ self.u
+        self._recover = tangent.solved(values)
+        if tangent.bolts:
+            values["u"] = self.u
         take(_after(tangent, True), values)
 
     @property
@@ -168,39 +161,30 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
     loads : bool
         Whether derivatives by loads and displacements are wanted, for which the interior is recovered.
     """
-    bolts, duals = tangent.bolts, dict(weights)
+    duals = dict(weights)
     for name, own in after.items():
         add(duals, name, own)
     if "lost" in duals:
         check_lost(tangent)
     take(_after(tangent, "lost" in duals), duals, back=True)
-    if bolts and "pull" in duals:
-        add(duals, "u", bolts.pulls.T @ duals["pull"])
-    if (rims := tangent.rims) is not None:
-        # transposed these push where loads move something
-        own = tangent.pulled(duals)[1]()
-        add(duals, "u", tangent.at_rims(rims.T, lambda u: tangent.pulled({"u": u})[1](), own))
-    found, recover = tangent.pulled(duals)
-    duals |= {"gap0": found.gap0[:, None], "slip0": found.slip0}
-    duals |= {"anchor": found.anchor, "offset": found.offset}
-    if loads or bolts:
+    recover = tangent.solved(duals, back=True)
+    if loads or tangent.bolts:
         duals["f"] = recover()
-        duals["x"] = _by_supports(tangent, duals["f"], found, duals.get("u"))
-    if bolts:
-        add(duals, "drive", -bolts.pulls @ duals["f"])
+    if loads:
+        duals["x"] = _by_supports(tangent, duals)
     take(_before(tangent), duals, back=True)
     return duals, {name[5:]: own for name, own in duals.items() if name.startswith("last ")}
 
 
-def _by_supports(tangent: Tangent, f: Array, found: Duals, u: Array | None) -> Array:
+def _by_supports(tangent: Tangent, duals: Values) -> Array:
     """Derivatives of a number by prescribed displacements (n,), from those by all else."""
     answer, kin = tangent.answer, tangent.answer.kin
-    system, x = answer.system, np.zeros(answer.system.n)
-    borne = [K @ f[system.slice(b)] for K, b in zip(answer.stiffness, system.bodies, strict=True)]
-    whole = kin.B_n.T @ np.where(kin.paired, found.gap0, 0.0) - np.concatenate(borne)
-    if found.slip0.size and tangent.problem.slips:
-        whole = whole + kin.B_t.T @ found.slip0.ravel()
-    x[system.D] = (whole if u is None else whole + u)[system.D]
+    x = np.zeros(answer.system.n)
+    whole = kin.B_n.T @ np.where(kin.paired, duals["gap0"][:, 0], 0.0) + duals.get("u", x)
+    whole -= block_diag(answer.stiffness, format="csr") @ duals["f"]
+    if tangent.problem.slips:
+        whole += kin.B_t.T @ duals["slip0"].ravel()
+    x[answer.system.D] = whole[answer.system.D]
     return x
 
 
@@ -215,33 +199,30 @@ class Verge:
 
     def __init__(self, tangent: Tangent, change: Values, last: Values) -> None:
         self.tangent, self.change, self.last = tangent, change, last
-        self.at = at = tangent.kinks
-        compliance, local, answer = tangent.problem.compliance, tangent.local, tangent.answer
-        has_slip = np.all(compliance.tangential_rows[at] >= 0, axis=1)
-        self.rubs = answer.model.interface.frictional[at] & has_slip
-        self.touches = (tangent.margins[0][at] <= SOLVED) & (compliance.normal_rows[at] >= 0)
-        if self.rubs.any() and not tangent.rule.steady:
+        answer, local, resistance = tangent.answer, tangent.local, tangent.problem.resistance
+        there, changes = tangent.problem.compliance, tangent.margin <= SOLVED
+        has_slip = np.all(there.tangential_rows >= 0, axis=1)
+        self.rubs = rubs = changes & answer.model.interface.frictional & has_slip
+        self.touches = changes & (tangent.margins[0] <= SOLVED) & (there.normal_rows >= 0)
+        if rubs.any() and not tangent.rule.steady:
             raise InputError(
                 "side: bounds of friction that change with the slip have no one-sided derivatives. "
                 "Take Coulomb, OrthotropicCoulomb or Tresca, or move the load a little off the kink."
             )
-        self.slope = tangent.rule.slope(np.maximum(local.normal_force, 0.0), local.slip)[at]
-        slid = tangent.slid[at] & self.rubs
-        self.open, self.slips = self.touches & ~tangent.closed[at], slid.copy()
-        self.decides = self.rubs & ~slid  # whether it sticks
+        self.slope = tangent.rule.slope(np.maximum(local.normal_force, 0.0), local.slip)
+        slid = tangent.slid & rubs
+        self.open, self.slips = self.touches & ~tangent.closed, slid.copy()
+        self.decides = rubs & ~slid  # whether it sticks
         self.turns = self.decides & self.touches  # has no direction of friction yet
-        toward = np.where(slid[:, None], answer.plastic_slip[at], local.tangential_force[at])
-        self.direction = unit_vectors(toward)
-        stiffness = answer.tangential_stiffness[at, None]
+        toward = np.where(slid[:, None], answer.plastic_slip, local.tangential_force)
+        self.direction, stiffness = unit_vectors(toward), answer.tangential_stiffness[:, None]
         self.give = 1.0 / stiffness  # a finite stiffness gives back a part of the slip
         # with exact sticking any stiffness does, see `tangent`
-        own, self.exact = tangent.problem.resistance, np.isinf(stiffness)
-        self.stiffness = np.where(self.exact, own.tangential[at, None], stiffness)
-        self.stiffness, self.hardness = (
-            np.where(self.rubs[:, None], self.stiffness, 0.0),
-            own.normal[at],
-        )
-        bound = change["bound"][at, 0] if "bound" in change else 0.0
+        self.exact = np.isinf(stiffness)
+        own = np.where(self.exact, resistance.tangential[:, None], stiffness)
+        self.stiffness = np.where(rubs[:, None], own, 0.0)
+        self.hardness = np.where(self.touches, resistance.normal, 0.0)
+        bound = change["bound"][:, 0] if "bound" in change else 0.0
         self.bound, self.least = np.where(self.turns, 0.0, bound), np.zeros(2)
         self._read(Rates(tangent, change, last).values)
 
@@ -254,7 +235,7 @@ class Verge:
             No statuses fit.
         """
         seen, whole = set[bytes](), True
-        for _ in range(MOST_CHANGES * len(self.at)):
+        for _ in range(MOST_CHANGES * len(self.tangent.kinks)):
             rates = self._solved()
             self._read(rates.values)
             key = self.open.tobytes() + self.slips.tobytes()
@@ -266,40 +247,32 @@ class Verge:
 
     def _solved(self) -> Rates:
         """Rates with the states that the points have."""
-        at, rubs, change, tangent = self.at[self.rubs], self.rubs, dict(self.change), self.tangent
-        slips, unit, way = self.slips & ~self.open, np.eye(self.direction.shape[1]), self.direction
+        change, tangent, slips, way = dict(self.change), self.tangent, self.slips, self.direction
+        sticks, exact = self.rubs & ~(slips | self.open), self.exact[:, 0]
         # what decides is held across its direction, and by the return map where that turns
         bound = self.slope * np.maximum(self.normal_force, 0.0)
         size = np.maximum(np.maximum(lengths(self.trial), bound), TINY)
-        turn = np.where(self.turns, bound / size, 1.0 * self.decides)[:, None, None]
-        J = turn * (unit - way[:, :, None] * way[:, None])
-        elastic = ~(self.exact[:, 0] | self.slips | self.open)
-        J = np.where(slips[:, None, None], J, unit * elastic[:, None, None])
-        exact, k = self.exact[:, :, None], self.stiffness[:, :, None]
-        spring = J * np.where(exact, k / np.maximum(1.0 - turn, SOLVED), k)
-        by_normal = np.where(slips, self.slope, 0.0)[:, None] * way
-        new = (spring, np.where(exact, 0.0, J), 0.0 * J, unit * slips[:, None, None], by_normal, way)
-        slopes = Slopes(*(own.copy() for own in tangent.slopes))
-        for own, here in zip(slopes, new, strict=True):
-            own[at] = here[rubs]
-        closed, stick = tangent.closed.copy(), tangent.stick.copy()
-        closed[self.at[self.touches]] = ~self.open[self.touches]
-        stick[at] = (self.exact[:, 0] & ~(self.slips | self.open))[rubs]
+        turn = np.minimum(np.where(self.turns, bound / size, 1.0 * self.decides), 1.0 - SOLVED)
+        J = turn[:, None, None] * (np.eye(way.shape[1]) - way[:, :, None] * way[:, None])
+        by = Derivatives(J, self.slope[:, None] * way, 0.0 * J)
+        new = mapped_slopes(by, slips, sticks & ~exact, self.stiffness, self.exact, way)
+        pairs = zip(new, tangent.slopes, strict=True)
+        slopes = Slopes(*(np.where(self.rubs[(...,) + (None,) * (a.ndim - 1)], a, b) for a, b in pairs))
+        closed = np.where(self.touches, ~self.open, tangent.closed)
+        stick = np.where(self.rubs, sticks & exact, tangent.stick) & closed
         if "bound" in change:
-            mapped = change["mapped"].copy()
+            mapped = np.where(self.rubs[:, None], self.bound[:, None] * way, change["mapped"])
             change |= {"bound": change["bound"] * closed[:, None], "mapped": mapped}
-            mapped[at] = (self.bound[:, None] * way)[rubs]
-        return Rates(tangent.holding(closed, stick & closed, slopes), change, self.last)
+        return Rates(tangent.holding(closed, stick, slopes), change, self.last)
 
     def _read(self, values: Values) -> None:
         """What the points do, and what of it is more than round-off."""
-        self.gap, self.normal_force = values["gap"][self.at, 0], values["normal_force"][self.at, 0]
-        self.friction = values["friction"][self.at]
-        since, still = values["slip"] - self.last.get("slip", 0.0), 0.0 * self.friction
-        before = self.last["friction"][self.at] if "friction" in self.last else still
+        self.gap = np.where(self.touches, values["gap"][:, 0], 0.0)
+        self.normal_force, friction = values["normal_force"][:, 0], values["friction"]
+        since = values["slip"] - self.last.get("slip", 0.0)
         # trial forces of a stiffness of each point, with what a finite one gives back of the slip
-        moved = since[self.at] - self.give * (self.friction - before)
-        self.trial = self.friction + self.stiffness * moved
+        given_back = self.give * (friction - self.last.get("friction", 0.0))
+        self.trial = friction + self.stiffness * (since - given_back)
         kinds = ("normal_force", "friction"), ("gap", "slip")
         sizes = [max(size_of(values[name][np.isfinite(values[name])]) for name in own) for own in kinds]
         self.least = np.maximum(self.least, SOLVED * np.array(sizes))

@@ -16,7 +16,7 @@ With Coulomb's law ``M k J = L / |s - s_n| (1 - d d')``, whatever k is: the spri
 d of friction is that of the answer itself. The last linear solve of an iteration has that of an iterate
 before, which is why it is not taken from there.
 
-These are the conditions of one more linear solve (`problem.seam.Conditions`), in which anchors and
+These are the conditions of one more linear solve (`problem.points.Conditions`), in which anchors and
 offsets are what the step before and the parameter make of them.
 """
 
@@ -26,7 +26,7 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,25 +35,28 @@ from scipy.sparse import block_diag, csr_matrix, vstack
 from skfem_contact.answers.answer import Answer
 from skfem_contact.arguments import numbers
 from skfem_contact.arrays import Array, Index, Mask, check_size, largest, lengths, unit_vectors
-from skfem_contact.bodies.system import System
-from skfem_contact.conditions.friction import BEYOND, FrictionLaw
-from skfem_contact.conditions.friction_rule import FrictionRule
+from skfem_contact.conditions.friction import FrictionLaw
+from skfem_contact.conditions.friction_rule import BEYOND, Derivatives, FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.loads import LoadCase
 from skfem_contact.conditions.rows import combined_rows, tangential_matrix
-from skfem_contact.conditions.state import OPEN, SLIP, STICK
+from skfem_contact.conditions.state import OPEN, SLIP, STICK, LoadCase
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.elimination.constraint import AffineConstraint, eliminate
 from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.loops.step import largest_force
-from skfem_contact.problem.points import Duals
-from skfem_contact.problem.seam import Conditions, Response, Source
-from skfem_contact.problem.zone import Zone, Zones
+from skfem_contact.loops.active_set import largest_force
+from skfem_contact.problem.points import Conditions, Response
+from skfem_contact.problem.seam import Source
+from skfem_contact.problem.zone import Zones
 
 #: Derivatives by name, of loads or points: (n,) or (m, width). What is not there is zero.
 Values = dict[str, Array]
+
+
+def add(values: Values, name: str, own: Array) -> None:
+    """Add to the values of a name, which may not be there yet."""
+    values[name] = values[name] + own if name in values else own
 
 
 class Slopes(NamedTuple):
@@ -76,6 +79,21 @@ class Slopes(NamedTuple):
     by_map: Array
     by_normal: Array
     trial: Array
+
+
+def mapped_slopes(
+    by: Derivatives, slips: Mask, elastic: Mask, k: Array, exact: Mask, trial: Array
+) -> Slopes:
+    """The derivatives of friction that follow from those of the return map.
+
+    With the stiffness k, (m, 1), where sticking is exact, (m, 1), any; `elastic` points stick with it.
+    """
+    unit, some = np.eye(trial.shape[1]), slips[:, None, None]
+    sticks, J = unit * elastic[:, None, None], np.where(some, by.trial, 0.0)
+    left = np.where(exact[:, None], 0.0, J)
+    M = unit * some @ np.linalg.inv(unit - (J - left))
+    spring, B = M @ (k[:, :, None] * J) + k[:, :, None] * sticks, M @ by.slip
+    return Slopes(spring + B, sticks + left, B, M, np.einsum("ikl,il->ik", M, by.normal_force), trial)
 
 
 class Tangent:
@@ -163,24 +181,20 @@ class Tangent:
             spring, none = np.where(elastic, stiffness, 0.0)[:, None], np.zeros((m, 1, 1))
             by_trial, trial = 1.0 * elastic[:, None], BEYOND * self.direction
             return Slopes(spring, by_trial, none, 1.0 * slips, by_normal, trial)
-        unit, exact = np.eye(t), np.isinf(stiffness)
-        elastic = unit * self.elastic[:, None, None]
         way, force = self.answer.plastic_slip, lengths(local.tangential_force)
         moved = lengths(way)
         # with exact sticking any stiffness does: one that makes the trial force twice the bound
         k = np.where(force > 0, force, 1.0) / np.where(moved > 0, moved, 1.0)
-        k, exact = np.where(exact, k[:, None], stiffness), exact[:, None]
+        k = np.where(np.isinf(stiffness), k[:, None], stiffness)
         trial = local.tangential_force + k * way if t > 1 else BEYOND * self.direction
         by = self.rule.mapped(trial, local.normal_force, local.slip)[2]
-        J = np.where(slips, by.trial, 0.0)
-        M = unit * slips @ np.linalg.inv(unit - np.where(exact, J, 0.0))
-        spring = M @ (k[:, :, None] * J) + k[:, :, None] * elastic
-        if self.rule.steady:  # round-off alone takes springs from being symmetric
-            spring = 0.5 * (spring + spring.swapaxes(1, 2))
         # the bound of glue that is pulled stays as it is
-        by_normal = np.einsum("ikl,il->ik", M, np.where(self.presses[:, None], by.normal_force, 0.0))
-        B = M @ by.slip
-        return Slopes(spring + B, elastic + np.where(exact, 0.0, J), B, M, by_normal, trial)
+        by = by._replace(normal_force=np.where(self.presses[:, None], by.normal_force, 0.0))
+        found = mapped_slopes(by, self.slips, self.elastic, k, np.isinf(stiffness), trial)
+        if not self.rule.steady:
+            return found
+        spring = 0.5 * (found.spring + found.spring.swapaxes(1, 2))  # round-off alone makes it odd
+        return found._replace(spring=spring)
 
     slope = property(lambda self: self.slopes.by_normal, doc="See the class.")
     spring = property(
@@ -265,93 +279,79 @@ class Tangent:
         vars(new).update(closed=closed, stick=stick, slopes=slopes)
         return new
 
-    @property
-    def zone(self) -> tuple[Zone, object]:
-        """The dense problem of points that may carry a force, and the key of the conditions."""
-        return self.zones.fitting(self.conditions, self.local.gap)
-
     def solve(self, force: ArrayLike) -> Array:
         """Changes of displacements (n,) under those of loads (n,), ``T (W'KT)^-1 W'``, by factors."""
         system = self.answer.system
         f = numbers(force, "force", "give a load (n,)")
         check_size(f, system.n, "force", f"and has to be a load on all DOFs, ({system.n},)")
-        return self.respond({"f": f / system.units})[1]() / system.units
+        return self.solved({"f": f / system.units})() / system.units
 
-    def case(self, given: Values) -> LoadCase:
-        """Return the load case of changes of the loads f, x, and of gap0 and slip0."""
-        n, (m, t) = self.answer.system.n, self.local.slip.shape
-        f, x = (given[name] if name in given else np.zeros(n) for name in "fx")
-        gap0 = given["gap0"].ravel() if "gap0" in given else np.zeros(m)
-        return LoadCase(f, x, gap0, given.get("slip0", np.zeros((m, t))), np.zeros(m), ())
+    def solved(self, values: Values, back: bool = False) -> Callable[[], Array]:
+        """Add what follows from changes f, x, gap0, slip0, anchor, offset: gaps, slips and forces.
 
-    def respond(self, given: Values) -> tuple[Response, Callable[[], Array]]:
-        """Response of the points to such changes, and to those of offset and anchor.
-
-        And how to find the displacements of all bodies (n,) that follow from it.
-
-        Raises
-        ------
-        NotConverged
-            See `at_rims`.
-        """
-        found, recover = self._respond(given)
-        if self.rims is None:
-            return found, recover
-        f = self.at_rims(self.rims, lambda f: self._respond({"f": f})[1](), recover())
-        return self._respond(given | {"f": given["f"] + f if "f" in given else f})
-
-    def at_rims(self, rims: csr_matrix, moved: Callable[[Array], Array], u: Array) -> Array:
-        """Loads f = rims (u + moved(f)), (n,): what is not symmetric stands beside the factors.
+        Or, `back`, derivatives of a number by those, from these that it depends on and from u; but by f
+        and x. What is returned finds u (n,), or those by f. Loads that follow the free rims of what a
+        fluid presses are not symmetric: they stand beside the factors, ``f = rims (u + moved(f))``.
 
         Raises
         ------
         NotConverged
             A fluid pushes rims more than the bodies resist.
         """
-        b = rims @ u
-        size = float(np.linalg.norm(b))
-        found = gmres(lambda f: f - rims @ moved(f), b, np.copy, b, COMPUTED * size, len(b))
-        if found.residual > SOLVED * size:
-            raise NotConverged(
-                "derivatives at the free rims of what a fluid presses were not found", None
+        once, name, rims = (self._back, "u", self.rims) if back else (self._forth, "f", self.rims)
+        if rims is not None:
+            rims = rims.T if back else rims
+            b = rims @ once(dict(values))()
+            size = float(np.linalg.norm(b))
+            found = gmres(
+                lambda f: f - rims @ once({name: f})(), b, np.copy, b, COMPUTED * size, len(b)
             )
-        return found.x
-
-    def _respond(self, given: Values) -> tuple[Response, Callable[[], Array]]:
-        """`respond` without rims."""
-        held = self.conditions
-        anchor, offset = (given.get(name, held.anchor) for name in ("anchor", "offset"))
+            if found.residual > SOLVED * size:
+                raise NotConverged(
+                    "derivatives at the free rims of what a fluid presses were not found", None
+                )
+            add(values, name, found.x)
         with single_threaded:
-            load, (zone, key) = self.problem.other_load(self.case(given)), self.zone
-            found = zone.solve(replace(held, anchor=anchor, offset=offset), load, key)
-        return found, lambda: self.recovered(self.problem.source(load, found).values, given)
+            return once(values)
 
-    def pulled(self, weights: Values) -> tuple[Duals, Callable[[], Array]]:
-        """`respond` backwards, without rims: from derivatives by the response to those by changes.
+    def _forth(self, values: Values) -> Callable[[], Array]:
+        """`solved` without rims."""
+        held, (zone, key) = self.conditions, self.zones.fitting(self.conditions, self.local.gap)
+        anchor, offset = (values.get(name, held.anchor) for name in ("anchor", "offset"))
+        case = self._case(values)
+        load = self.problem.other_load(case)
+        found = zone.solve(replace(held, anchor=anchor, offset=offset), load, key)
+        values |= {"gap": found.gap[:, None], "normal_force": found.normal_force[:, None]}
+        values |= {"slip": found.slip, "friction": found.tangential_force}
+        return lambda: self._recovered(self.problem.source(load, found).values, case)
 
-        And how to find those by loads (n,).
-        """
-        (m, t), problem, (zone, key) = self.local.slip.shape, self.problem, self.zone
-        forces, load, given = np.zeros(len(problem.compliance.W)), None, Values()
-        if "u" in weights:
-            given = {"f": weights["u"]}
-            load = problem.other_load(self.case(given))
-            forces = np.asarray(load.moved)
-        gap, normal_force = (
-            np.ravel(weights.get(name, np.zeros(m))) for name in ("gap", "normal_force")
-        )
-        slip, friction = (weights.get(name, np.zeros((m, t))) for name in ("slip", "friction"))
-        of = Response(gap, slip, normal_force, friction, forces)
-        found = zone.adjoint(self.conditions, of, key)
-        held = 0.0 if load is None else load.prescribed
-        return found, lambda: self.recovered(problem.G.T @ found.moved + held, given)
+    def _back(self, values: Values) -> Callable[[], Array]:
+        """`solved` backwards, without rims."""
+        (m, t), problem = self.local.slip.shape, self.problem
+        zone, key = self.zones.fitting(self.conditions, self.local.gap)
+        forces, held, given = np.zeros(len(problem.compliance.W)), np.zeros(1), Values()
+        if "u" in values:
+            given["f"] = values["u"]
+            load = problem.other_load(self._case(given))
+            forces, held = np.asarray(load.moved), load.prescribed
+        of = [np.ravel(values.get(name, np.zeros(m))) for name in ("gap", "normal_force")]
+        along = [values.get(name, np.zeros((m, t))) for name in ("slip", "friction")]
+        duals = Response(of[0], along[0], of[1], along[1], forces)
+        found = zone.adjoint(self.conditions, duals, key)
+        values |= found
+        return lambda: self._recovered(problem.G.T @ found["moved"] + held, self._case(given))
 
-    def recovered(self, force: Array, given: Values) -> Array:
+    def _case(self, given: Values) -> LoadCase:
+        """Return the load case of changes of the loads f, x, and of gap0 and slip0."""
+        n, (m, t) = self.answer.system.n, self.local.slip.shape
+        f, x = (given[name] if name in given else np.zeros(n) for name in "fx")
+        gap0, slip0 = given.get("gap0", np.zeros((m, 1))), given.get("slip0", np.zeros((m, t)))
+        return LoadCase(f, x, gap0[:, 0], slip0, np.zeros(m), ())
+
+    def _recovered(self, force: Array, case: LoadCase) -> Array:
         """Displacements (n,) under such changes and forces on the contact DOFs (n_c,)."""
-        source = Source(force[:, None], True)
         with single_threaded:
-            found: Array = self.problem.bodies.recover(source, [None], [self.case(given)])[0]
-        return found
+            return self.problem.bodies.recover(Source(force[:, None], True), [None], [case])[0]
 
     # -- matrices, on request -------------------------------------------------------------------
 
@@ -370,20 +370,18 @@ class Tangent:
         return held_rows(self.answer.kin, self.closed, self.stick)
 
     @cached_property
-    def T(self) -> csr_matrix:
-        """Rates of u that `rows` and supports leave free, ``u = T u_r``, (n, r)."""
-        return csr_matrix(left_free(self.rows, self.answer.system).T)
+    def _free(self) -> tuple[AffineConstraint, AffineConstraint]:
+        return left_free(self.answer, self.closed, self.stick, self.slope)
 
-    @cached_property
-    def W(self) -> csr_matrix:
-        """Virtual displacements on which contact forces do no work, friction included, (n, r).
-
-        Of as many columns as `T`, and T itself where no friction follows the pressure.
-        """
-        if not np.any(self.slope):
-            return self.T
-        rows = held_rows(self.answer.kin, self.closed, self.stick, self.slope)
-        return csr_matrix(left_free(rows, self.answer.system).T)
+    T = property(
+        lambda self: self._free[0].T,
+        doc="Rates of u that `rows` and supports leave free, ``u = T u_r``, (n, r).",
+    )
+    W = property(
+        lambda self: self._free[1].T,
+        doc="Virtual displacements on which contact forces do no work, friction included, (n, r); of "
+        "as many columns as `T`, and T itself where no friction follows the pressure.",
+    )
 
     @property
     def K_r(self) -> csr_matrix:
@@ -401,23 +399,31 @@ class Tangent:
         return "<Tangent: {} open, {} stick, {} slip; {}>".format(*count, kinks)
 
 
-def held_rows(kin: Kinematics, closed: Mask, stick: Mask, slope: Array | None = None) -> csr_matrix:
+def held_rows(kin: Kinematics, closed: Mask, stick: Mask, slope: ArrayLike = 0.0) -> csr_matrix:
     """Rows of closed gaps, then of slips that stick, (k, n).
 
     With the slope of friction by the normal force, (m, d-1): rows of what contact forces work on.
     """
     normal = kin.B_n
-    if slope is not None and slope.size:
-        normal = csr_matrix(normal - combined_rows(slope[:, None], kin.B_t))
-    held = [normal[closed]]
-    if kin.tangents and stick.any():
-        held.append(kin.B_t[np.repeat(stick, kin.tangents)])
-    return csr_matrix(vstack(held))
+    if np.any(slope):
+        normal = csr_matrix(normal - combined_rows(np.asarray(slope)[:, None], kin.B_t))
+    return csr_matrix(vstack([normal[closed], kin.B_t[np.repeat(stick, kin.tangents)]]))
 
 
-def left_free(rows: csr_matrix, system: System) -> AffineConstraint:
-    """What rows that are zero, and supports, leave free."""
-    return eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n))
+def left_free(
+    posed: Any, closed: Mask, stick: Mask, slope: ArrayLike = 0.0
+) -> tuple[AffineConstraint, AffineConstraint]:
+    """Displacements that `held_rows` and supports leave free, and virtual ones that forces do not.
+
+    Of an answer or a solver. The same object where no friction follows the pressure.
+    """
+
+    def free(slope: ArrayLike) -> AffineConstraint:
+        rows, system = held_rows(posed.kin, closed, stick, slope), posed.system
+        return eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n))
+
+    trial = free(0.0)
+    return trial, free(slope) if np.any(slope) else trial
 
 
 def refuse(answer: Answer) -> None:

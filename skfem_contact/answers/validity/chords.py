@@ -39,13 +39,12 @@ import numpy as np
 
 from skfem_contact.answers.validity.deformed_boundaries import PIECES
 from skfem_contact.answers.validity.validity import A_TENTH
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, dot
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normal_field import of_curves
 from skfem_contact.bodies.quadrics import bowed_facets
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
-from skfem_contact.pairing.vectors import dot
 
 #: All facets.
 EVERY = slice(None)

@@ -15,20 +15,24 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.arrays import AT_ONCE, Array, Index, Mask, off_segments
+from skfem_contact.arrays import AT_ONCE, Array, Index, Mask, dot, off_segments, ragged
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
-from skfem_contact.bodies.facets import area_vectors, seen_from_outside, twin_edges
-from skfem_contact.bodies.selection import facet_nodes, node_dofs
+from skfem_contact.bodies.facet_kinds import FacetKind, area_vectors, kind_of
+from skfem_contact.bodies.normal_field import CIRCLE, twin_edges
+from skfem_contact.bodies.selection import facet_nodes, node_dofs, seen_from_outside
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import SOLVED
-from skfem_contact.pairing.thresholds import LEAN, OVERHANG, SHARP
-from skfem_contact.pairing.vectors import dot, ragged
+from skfem_contact.digits import GIVEN, SOLVED
+from skfem_contact.pairing.closest import LEAN
+from skfem_contact.pairing.dual import OVERHANG
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
 
 #: Straight pieces that a quadratic facet is drawn with: they miss 1/256 of its sagitta.
 PIECES = 8
+
+#: Turn of a boundary from which on an edge is sharp [rad]: with less it may stand for a curve of 16
+#: faces to the circle (`bodies.normal_field.CIRCLE`), also just that and round-off.
+SHARP = float(2 * np.pi / CIRCLE * (1 + GIVEN))
 
 #: The direction of rays in space, its first two in the plane: of no mesh that has a reason.
 RAY = np.array([0.8127, 0.3491, 0.4669])

@@ -24,7 +24,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.placed import point_forces
 from skfem_contact.answers.validity.deformed_boundaries import BoundaryNodes
 from skfem_contact.answers.validity.validity import A_TENTH, Drift
-from skfem_contact.arrays import Array, Index, Mask, largest
+from skfem_contact.arrays import Array, Index, Mask, cross, largest
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member, unit_motions
 from skfem_contact.bodies.surface import ContactSurface
@@ -34,7 +34,6 @@ from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.geometry import surface_dofs
 from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.node import Pairing
-from skfem_contact.pairing.vectors import cross
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
 

@@ -28,19 +28,17 @@ from skfem_contact.answers.validity.support import (
     with_elastic_approach,
 )
 from skfem_contact.answers.validity.validity import Drift
-from skfem_contact.arrays import Array, Index, Mask, angle_between, largest
+from skfem_contact.arrays import Array, Index, Mask, angle_between, dot, largest
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
-from skfem_contact.conditions.loads import LoadCase, Motion
 from skfem_contact.conditions.rows import as_motion
-from skfem_contact.conditions.state import OPEN
+from skfem_contact.conditions.state import OPEN, LoadCase, Motion
 from skfem_contact.digits import COMPUTED
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import shape_of
 from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.node import Pairing
-from skfem_contact.pairing.vectors import dot
 from skfem_contact.trees import Tree
 
 #: What `Track.drift` says where nothing has slid past an end.

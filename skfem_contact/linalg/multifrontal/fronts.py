@@ -216,7 +216,7 @@ def _depth_first(parent: np.ndarray) -> list[int]:
 def checked_matrix(
     K: Any, points: np.ndarray, keep: Any, free: np.ndarray | None = None
 ) -> tuple[Any, np.ndarray, np.ndarray]:
-    K = K.tocsr()
+    K = csr_matrix(K)
     if not K.has_canonical_format:
         K = K.copy()
         K.sum_duplicates()
