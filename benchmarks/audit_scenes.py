@@ -457,8 +457,8 @@ ROWS = (
         "not asked for",
         validity,
         (
-            "answers/validity/assess:",
-            "answers/validity/deformed_boundaries:",
+            "answers/validity/assess:problems",
+            "answers/validity/deformed_boundaries:inside",
             "problem/substructure:recover",
         ),
     ),

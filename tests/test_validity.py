@@ -751,7 +751,6 @@ def test_ends_are_looked_at_where_a_point_may_have_passed_them():
     low, up = rectangle(grid, grid - 1.0, D="bottom"), rectangle(grid, grid, D="top")
     contact = sc.Contact(up.surface("bottom"), low.surface("top"), friction=sc.Coulomb(0.3))
     solver = sc.ContactSolver([low, up], contact)
-    gap, part = np.zeros(9), slice(0, 9)
     short, long = (Track(contact, solver.geometry.pairings[0], solver.kin.gap0) for _ in range(2))
     long.room = np.full(9, -np.inf)
     order = np.argsort(short.points[:, 0])
@@ -759,7 +758,7 @@ def test_ends_are_looked_at_where_a_point_may_have_passed_them():
         closed = np.zeros(9, dtype=bool)
         closed[order[first : 9 - first]] = True
         for slip in (0.0, 0.02, 0.06, 0.07, 0.13, -0.19, 0.4, -0.5):
-            given = closed, slip * short.tangent[:, 0], gap, np.ones(9), 1e-3, None, 0, part
+            given = closed, slip * short.tangent[:, 0], np.ones(9), 1e-3
             found = short.drift(*given)
             assert found == long.drift(*given)
             # a point counts with the 1/8 of the surface around it, of which the slip takes its part

@@ -9,8 +9,7 @@
   mesh may be off;
 * `tangent`: the answer linearised, and its derivatives;
 * `result`, `by_contact`: all of it as users see it, and printed; by contacts, and of the one there may
-  be;
-* `thresholds`: numbers, and where they come from.
+  be.
 """
 
 from typing import TYPE_CHECKING
@@ -63,12 +62,11 @@ __getattr__, __dir__ = entrances(
         "tangent.tangent": "Tangent",
         "uniqueness": "critical_friction Form orientation turning_springs unique_up_to Uniqueness",
         "validity.chords": "bends curvatures sagittas",
-        "validity.deformed_boundaries": "Boundary boundary",
-        "validity.edges": "crossings sharp_edges_of",
+        "validity.deformed_boundaries": "Boundary boundary crossings Rim sharp_edges_of",
         "validity.overlaps": "pierced",
         "validity.strain": "strains",
         "validity.support": "Support",
-        "validity.track": "Rim Track node_lengths",
+        "validity.track": "Track node_lengths",
         "validity.validity": "ContactValidity Drift facet_words Validity",
         "values": "ContactValues ErrorEstimate ErrorSources",
     },

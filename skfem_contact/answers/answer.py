@@ -6,7 +6,8 @@ forces of contacts on the DOFs follow from it, and those of supports: what equil
 
 from __future__ import annotations
 
-from dataclasses import field
+from collections.abc import Iterator
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,18 +15,20 @@ import numpy as np
 
 from skfem_contact.answers.placed import Newton, Placed, point_forces
 from skfem_contact.answers.validity.validity import Diagnostics
-from skfem_contact.arrays import Array
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.member import State as Internal
 from skfem_contact.bodies.selection import boundary_dofs
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.friction import CheckedLaw
 from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.interface import Identity, point_slices
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.state import LoadCase, LocalState, State
+from skfem_contact.conditions.state import OPEN, LoadCase, LocalState, State
 from skfem_contact.errors import InputError
 from skfem_contact.loops.step import Record
 from skfem_contact.problem.model import LinearModel
@@ -121,7 +124,9 @@ class Answer:
         """All that reports and pictures need, without the factors of the bodies and functions."""
         self.u  # noqa: B018 (recovered before the factors stay behind)
         self.bound_before  # noqa: B018 (all that is asked of the state before)
-        return {**vars(self), "before": None}
+        tracks = tuple(track.carried() for track in self.diagnostics.tracks)
+        diagnostics = replace(self.diagnostics, tracks=tracks)
+        return {**vars(self), "before": None, "diagnostics": diagnostics}
 
     def __setstate__(self, known: dict[str, Any]) -> None:
         vars(self).update(known)
@@ -207,9 +212,24 @@ class Answer:
         """The loads, with the gaps that a depth worn off leaves."""
         return self.case.worn(self.state.wear)
 
+    def closed(self, i: int) -> Mask:
+        """The points of a contact that are closed and have a partner, (m_i,)."""
+        part = self.model.interface.point_slices[i]
+        return np.asarray((self.state.status[part] != OPEN) & self.kin.paired[part])
+
+    def at_surfaces(self) -> Array:
+        """Displacements (n,) of surfaces that slide far and at supports, zero elsewhere [length]."""
+        u, D = self.model.geometry.spread(self.state.surface), self.system.D
+        u[D] = self.case.x[D]
+        return u
+
     def displacement(self, body: Any) -> Array:
         """Displacements of one body, by name or itself, as its basis numbers them, (n_body,)."""
         return self.u[self.system.slice(body)]
+
+    def moved(self, side: ContactSurface) -> Array:
+        """Where the nodes of a surface are, (m, d) [length]."""
+        return np.asarray(side.points + self.displacement(side.body)[side.dofs])
 
     @property
     def bolt_names(self) -> tuple[str, ...]:
@@ -232,6 +252,12 @@ class Answer:
     def slices(self) -> list[slice]:
         """The points of each contact in the joint numbering."""
         return list(point_slices(self.contacts))
+
+    def frictional(self) -> Iterator[tuple[Contact, slice, str, CheckedLaw]]:
+        """Contacts with friction, their points, names, and the laws that the answer is judged by."""
+        for contact, part, name in zip(self.contacts, self.slices(), self.names, strict=True):
+            if contact.friction is not None:
+                yield contact, part, name, CheckedLaw(contact.friction, name, contact.secondary.points)
 
     @property
     def identity(self) -> Identity:

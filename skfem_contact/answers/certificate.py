@@ -21,7 +21,6 @@ from skfem_contact.arguments import NamesAttributes
 from skfem_contact.arrays import Array, Index, cross
 from skfem_contact.bodies.member import unit_motions
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.friction import CheckedLaw
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
@@ -194,11 +193,8 @@ def _friction_violation(result: Answer, floor: float) -> float:
     state, worst = result.local, 0.0
     # slips below this part of the displacements they are differences of have no digits
     still = GIVEN * _largest(result.u)
-    for contact, part, name in zip(result.contacts, result.slices(), result.names, strict=True):
-        if contact.friction is None:
-            continue
+    for _, part, _, law in result.frictional():
         compressive = np.maximum(state.normal_force[part], 0.0)
-        law = CheckedLaw(contact.friction, name, contact.secondary.points)
         counted, area = (state.slip - state.reference)[part], result.kin.area[part]
         closed = state.status[part] != OPEN
         force = state.tangential_force[part]

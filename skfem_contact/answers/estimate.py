@@ -46,8 +46,8 @@ from skfem.element import DiscreteField
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.surface_error import Net, SurfaceError, chords_error, net_of
-from skfem_contact.answers.thresholds import A_TENTH, LOCKED
 from skfem_contact.answers.validity.strain import lockable, locked
+from skfem_contact.answers.validity.validity import A_TENTH, LOCKED
 from skfem_contact.answers.values import ContactValues, Elements, ErrorEstimate, ErrorSources
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body

@@ -27,14 +27,16 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from skfem_contact.answers.thresholds import REACH
 from skfem_contact.arrays import Array, Index, Mask, tangents
+from skfem_contact.bodies.facet_kinds import positive_functions
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
-from skfem_contact.pairing.dual import positive_functions
 from skfem_contact.pairing.projection import project
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
+
+#: Open nodes up to so many faces away tell where contact ends: two beyond those next to closed ones.
+REACH = 3
 
 
 def interpolate(surface: ContactSurface, values: Array, points: Array) -> Array:

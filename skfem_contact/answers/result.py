@@ -17,9 +17,8 @@ from skfem_contact.answers.answer import Answer, reaction
 from skfem_contact.answers.by_contact import ByContact
 from skfem_contact.answers.certificate import Certificate, certified, undetermined
 from skfem_contact.answers.placed import Newton
-from skfem_contact.answers.thresholds import FALLING, MOST_ROWS
 from skfem_contact.answers.validity.assess import assess
-from skfem_contact.answers.validity.turned import rigid_rotations, surface_turns
+from skfem_contact.answers.validity.support import rigid_rotations, surface_turns
 from skfem_contact.answers.validity.validity import Validity
 from skfem_contact.answers.values import contact_lines, status_words
 from skfem_contact.arguments import known_keywords
@@ -29,7 +28,6 @@ from skfem_contact.assemblies.joints import Joint, Joints
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.system import System
-from skfem_contact.conditions.friction import CheckedLaw
 from skfem_contact.conditions.state import OPEN, SLIP
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
@@ -42,6 +40,13 @@ if TYPE_CHECKING:
     from skfem_contact.answers.tangent.derivatives import Sensitivity
     from skfem_contact.answers.tangent.tangent import Tangent
     from skfem_contact.answers.uniqueness import Uniqueness
+
+#: Printed reports look for other answers up to so many gaps and slips: three seconds at most.
+MOST_ROWS = 2000
+
+#: The fall of friction, over the share by which slip is lengthened, from which on friction falls: three
+#: digits above the round-off of the bounds.
+FALLING = 1e-3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -498,10 +503,9 @@ def _shown(known: Uniqueness) -> str:
 def _jump_lines(answer: Answer) -> list[str]:
     """Say what a report says of friction that is lost all at once where a point opens."""
     lines, slip = [], answer.local.slip - answer.local.reference
-    for contact, part, name in zip(answer.contacts, answer.slices(), answer.names, strict=True):
-        if contact.friction is None or contact.bilateral:
+    for contact, part, name, law in answer.frictional():
+        if contact.bilateral:
             continue
-        law = CheckedLaw(contact.friction, name, contact.secondary.points)
         at_opening = law.limit(np.zeros(len(slip[part])), answer.kin.area[part], slip[part])
         state, moved = answer.local, np.linalg.norm(answer.local.slip[part], axis=1)
         # coupling makes of friction a normal force, and of slip a gap, that are hardly larger
@@ -533,10 +537,7 @@ def falling(answer: Answer, share: float) -> list[str]:
     """
     names, state = [], answer.local
     slip = state.slip - state.reference
-    for contact, part, name in zip(answer.contacts, answer.slices(), answer.names, strict=True):
-        if contact.friction is None:
-            continue
-        law = CheckedLaw(contact.friction, name, contact.secondary.points)
+    for _, part, name, law in answer.frictional():
         here = np.maximum(state.normal_force[part], 0.0), answer.kin.area[part]
         now = law.limit(*here, slip[part])
         rise = (law.limit(*here, (1 + share) * slip[part]) - now) / share

@@ -53,7 +53,6 @@ from skfem_contact.answers.fields import (
     simplex_areas,
     with_centres,
 )
-from skfem_contact.answers.thresholds import SHARPER
 from skfem_contact.answers.validity.deformed_boundaries import Boundary
 from skfem_contact.answers.values import ContactValues, Three, relative
 from skfem_contact.arrays import Array, Index, Mask, tangents
@@ -65,6 +64,10 @@ from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.projection import rim_points
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
+
+#: At the end of stick a square root misfits its nodes at least ten times as much as those beside
+#: them, a smooth function with a jump in its curvature about as much.
+SHARPER = 3.0
 
 #: Degrees of the quadrature of a root that begins within a facet, by the dimension: in the plane one
 #: facet has all of the kink, to a percent; in space it is at another place of each face.

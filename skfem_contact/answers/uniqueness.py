@@ -53,10 +53,9 @@ from scipy.linalg import LinAlgError
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import DIRECTIONS, FEW, SHARES, SHOWN
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.friction import CheckedLaw, Coulomb, Tresca
+from skfem_contact.conditions.friction import Coulomb, Tresca
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.state import OPEN, SLIP
 from skfem_contact.digits import COMPUTED, SOLVED
@@ -64,6 +63,16 @@ from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, lu
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.zone import LOOSE
 from skfem_contact.records import dataclass
+
+#: Directions of friction in half a turn that are tried in 3-D: the least coefficient to four digits.
+DIRECTIONS = 720
+
+#: What is shown of one answer is shown for this much less than eigenvalues say, so that their own error
+#: and round-off of the matrices do not count. Eigenvalues of more than so few rows are iterated.
+SHOWN, FEW = 1e-3, 100
+
+#: Shares of the normal compliance that are tried for the proof: each is as valid, one is the best.
+SHARES = (0.0, 0.5, 2.0, 8.0, 32.0, 1024.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,11 +168,9 @@ def coefficients(result: Answer) -> Array:
     state, kin = result.local, result.kin
     out = np.full(kin.m, np.nan)
     slip = state.slip - state.reference
-    for contact, part, name in zip(result.contacts, result.slices(), result.names, strict=True):
-        if contact.friction is not None:
-            force = np.maximum(state.normal_force[part], 0.0)
-            law = CheckedLaw(contact.friction, name, contact.secondary.points)
-            out[part] = law.slope(force, kin.area[part], slip[part])
+    for _, part, _, law in result.frictional():
+        force = np.maximum(state.normal_force[part], 0.0)
+        out[part] = law.slope(force, kin.area[part], slip[part])
     out = np.where(kin.bilateral & (state.normal_force < 0), 0.0 * out, out)  # tension changes no bound
     return np.where(kin.paired, out, np.nan)
 

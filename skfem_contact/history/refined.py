@@ -15,7 +15,7 @@ from scipy.linalg import LinAlgError
 from scipy.sparse import block_diag, csr_matrix
 
 from skfem_contact.answers.placed import Placed, point_forces
-from skfem_contact.answers.thresholds import A_TENTH
+from skfem_contact.answers.validity.validity import A_TENTH
 from skfem_contact.arrays import Array, largest
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface

@@ -21,8 +21,8 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.certificate import certified
 from skfem_contact.answers.placed import Newton, Placed
 from skfem_contact.answers.result import ContactResult
+from skfem_contact.answers.validity.assess import Watch
 from skfem_contact.answers.validity.validity import Issued
-from skfem_contact.answers.validity.watch import Watch
 from skfem_contact.arguments import check_kind
 from skfem_contact.arrays import Array, Mask, cross
 from skfem_contact.assemblies.bolt import Bolts
@@ -161,7 +161,7 @@ class StepSolver(ByFields):
     def watch(self) -> Watch:
         """Return what is looked at after every step, made in the first."""
         model = self.stepper.model
-        return Watch(model.geometry, model.interface, model.diagonals, lambda: model.known)
+        return Watch(model.geometry, model.diagonals, lambda: model.known)
 
     def known(self, given: Any, what: str) -> Known:
         """The state of a result or a file; one of other bodies and contacts is refused."""

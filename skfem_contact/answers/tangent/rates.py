@@ -34,11 +34,14 @@ import numpy as np
 from scipy.sparse import block_diag, csr_matrix
 
 from skfem_contact.answers.tangent.tangent import Slopes, Tangent, Values, add, mapped_slopes
-from skfem_contact.answers.thresholds import MOST_CHANGES
 from skfem_contact.arrays import Array, lengths, size_of, unit_vectors
-from skfem_contact.conditions.friction import Derivatives
+from skfem_contact.conditions.friction_rule import Derivatives
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError, NotConverged
+
+#: Changes of states, by point with a kink, before a derivative to one side is given up: directions of
+#: friction are found in a handful.
+MOST_CHANGES = 50
 
 TINY = np.finfo(float).tiny
 HANDED_ON = "slip", "friction", "reference", "bound", "stretch"

@@ -1,38 +1,49 @@
-"""The verdict on the model at an answer: each bound is measured in one place, whoever asks.
+"""The look at every load step, and the verdict on the model at an answer.
 
-`Assessment` has the measures, with the displacements of whole bodies. A load step asks it for what it
-has cause to suspect (`watch`), `result.validity` for all: what a step warns of and what `validity` says
-are the same findings.
+`Watch` sees every step, at nearly no cost, and suspects; `Assessment` has the measures, with the
+displacements of whole bodies, each taken where it is first asked for. A step asks it for what it has
+cause to suspect, and says so once in a history; `result.validity` asks for all: what a step warns of
+and what `validity` says are the same findings.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.thresholds import A_TENTH
-from skfem_contact.answers.validity.chords import drawn_off
-from skfem_contact.answers.validity.deformed_boundaries import (
-    Boundary,
-    Meeting,
+from skfem_contact.answers.validity.deformed_boundaries import Boundary, boundary
+from skfem_contact.answers.validity.overlaps import (
+    Overlaps,
     at_obstacle,
     between,
-    boundary,
-    with_corners,
+    crossing,
+    of_two_bodies,
+    pressed_aside,
+    sides_of,
+    unselected_words,
 )
-from skfem_contact.answers.validity.edges import crossing, pressed_aside, sharp_edges_of
-from skfem_contact.answers.validity.overlaps import of_two_bodies, sides_of, unselected_words
-from skfem_contact.answers.validity.strain import lockable, locked, strains
-from skfem_contact.answers.validity.support import beyond_round_off, elastic_approach
-from skfem_contact.answers.validity.track import tool_motion
-from skfem_contact.answers.validity.turned import leaning
+from skfem_contact.answers.validity.strain import lockable, locked, may_lock, strains
+from skfem_contact.answers.validity.support import (
+    Support,
+    leaning,
+    rigid_rotations,
+    surface_turns,
+    turned,
+    with_elastic_approach,
+)
+from skfem_contact.answers.validity.track import ContactWatch
 from skfem_contact.answers.validity.validity import (
+    A_TENTH,
     ContactValidity,
+    Diagnostics,
     Drift,
+    Issued,
+    Meeting,
     Validity,
     crossing_words,
     facet_words,
@@ -43,18 +54,230 @@ from skfem_contact.answers.validity.validity import (
     sliding_words,
     strain_words,
 )
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
-from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import warn
-from skfem_contact.obstacles.obstacle import Obstacle
 
 #: What may be wrong with a contact, in the order in which it is told.
 OF_CONTACTS = ("sliding", "overlap", "facets")
+
+#: Of a bound, from which on a step measures strains and rotations. Mean pressure over modulus and
+#: approach over extent are .8 times the strain where the energy is, or more, and .9 of the turn of a
+#: cantilever; what supports and surfaces are off a rigid motion is .3 of the turn of a beam that is
+#: bent on three points.
+PRESSED, SUSPECTED = 0.5, 0.25
+
+ONCE = " (Said once in a history, at the first step beyond the bound; result.validity has the numbers.)"
+
+
+class Watch:
+    """The look at the bounds of the model after every load step; made once for a solver.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    diagonals : sequence of ndarray
+        Of the stiffness of every body [force/length].
+    known : callable
+        Gives the DOFs whose displacements are known without the interior; called only where bodies that
+        nothing holds along a frictionless contact may slide on it.
+    """
+
+    def __init__(
+        self, geometry: Geometry, diagonals: Sequence[Array], known: Callable[[], Index]
+    ) -> None:
+        self.contacts, self.system, kin = geometry.contacts, geometry.system, geometry.kin
+        self.moves = kin.tangents == kin.points.shape[1] - 1
+        if not self.moves:  # a scalar field
+            return
+        names, bodies, starts = self.system.names, self.system.bodies, self.system.offsets
+        self.supports = [
+            Support.of(body, int(start), arm=self.system.extent)
+            for body, start in zip(bodies, starts[:-1], strict=True)
+        ]
+        self.tracks = tuple(
+            ContactWatch(geometry, i, self.supports, diagonals, known)
+            for i in range(len(self.contacts))
+        )
+        self.overlaps = Overlaps(geometry, self.tracks, known)
+        # whether motions of bodies that slide freely show in the interior alone
+        self.inside = any(track.inside for track in self.tracks)
+        # what follows large strains and turns has no bounds of them
+        solids = self.system.solids
+        self.bounded = [n for n, b in solids.items() if b.components > 1 and not b.finite_strain]
+        # where supports do not hold a body against contact, only its surfaces tell how it is strained
+        loose = {b for track in self.tracks if not track.held for b in track.bodies}
+        self.floating = {
+            names[b]: Support.of(bodies[b], int(starts[b]), self._known(b))
+            for b in sorted(loose)
+            if names[b] in self.bounded and self.supports[b].free.shape[1]
+        }
+        # whether displacements at the contact DOFs are asked for
+        self.asks = bool(self.floating) or any(track.asks for track in self.tracks)
+        # the supports of bodies that turn as their prescribed DOFs say; rigid ones may turn
+        self.turning = {
+            name: b
+            for b, (name, support) in enumerate(zip(names, self.supports, strict=True))
+            if len(support.dofs) and name in solids
+        }
+        self.may_lock = any(map(may_lock, bodies))  # whatever the answer is
+
+    def _known(self, b: int) -> Index:
+        """DOFs of a body at its supports and contacts."""
+        body = self.system.bodies[b]
+        sides = [side for c in self.contacts for side in (c.secondary, c.primary)]
+        own = [s.dofs.ravel() for s in sides if isinstance(s, ContactSurface) and s.body is body]
+        return np.unique(np.concatenate([body.D, *own])).astype(np.intp)
+
+    def look(self, result: Answer, issued: Issued, leaning: dict[str, float]) -> None:
+        """See an answer, note in it what is seen, and say what is beyond the bounds.
+
+        What has been said in its history is not said again. What a step suspects is measured by an
+        `Assessment`, which has the last word.
+
+        Parameters
+        ----------
+        result : Answer
+        issued : frozenset
+            What has been warned of before in its history.
+        leaning : dict
+            See `Diagnostics`.
+
+        Warns
+        -----
+        ContactWarning
+            One for each contact, and body and kind, with the numbers and the setting to change.
+        """
+        result.diagnostics = Diagnostics(issued=issued, leaning=leaning)
+        if self.moves:
+            result.diagnostics = self._seen(result)
+            result.diagnostics = self._warned(result)
+
+    def _seen(self, result: Answer) -> Diagnostics:
+        """What a step knows, added to what has been said before."""
+        x, u, known = result.case.x, np.zeros(0), result.diagnostics
+        if self.asks:  # where bodies slide along an axis their contact DOFs do not tell
+            u = result.u if self.inside else result.recover.at_contact()
+        motions = [support.motion(x) for support in self.supports]
+        drifts = tuple(track.look(result, motions, u) for track in self.tracks)
+        turns = {
+            name: float(m[2] if len(m) == 3 else np.linalg.norm(m[3:])) / self.supports[b].arm
+            for name, b in self.turning.items()
+            for m in [motions[b]]
+        }
+        stretches = {name: self.supports[b].off_rigid(x) for name, b in self.turning.items()}
+        stretches |= {name: support.off_rigid(u) for name, support in self.floating.items()}
+        shares = known.leaning
+        if len(result.state.surface):  # of what slides far
+            far = surface_turns(self.system, self.contacts, result.state.surface)
+            turns |= rigid_rotations(far)
+            shares = shares | turned(result, far, self.supports, [d.approach for d in drifts])
+        found = [
+            self.overlaps.undetected(track, result, u, drift)
+            for track, drift in zip(self.tracks, drifts, strict=True)
+        ]
+        return replace(
+            known,
+            drifts=drifts,
+            turns=turns,
+            tracks=self.tracks,
+            intrusions=self.overlaps.look_far(result, drifts),
+            undetected={i: text for i, text in enumerate(found) if text},
+            leaning=shares,
+            stretches=stretches,
+        )
+
+    def _warned(self, result: Answer) -> Diagnostics:
+        """Say what is beyond the bounds and has not been said in this history."""
+        known = result.diagnostics
+        suspected, looked = self._suspected(result)
+        bodies, seen = self._strained(result)
+        looked |= seen
+        if not (suspected or bodies or looked or leaning(self.system, known.leaning, known.issued)):
+            return known
+        measured = Assessment(result)
+        problems = measured.problems(suspected, bodies, known.issued)
+        new = {key: words for key, words in problems.items() if key not in known.issued}
+        for i in suspected:  # one warning for all of a contact
+            own = [new.pop((kind, result.names[i]), "") for kind in OF_CONTACTS]
+            if any(own):
+                warn(measured.label(i) + " ".join(filter(None, own)) + ONCE)
+        for words in new.values():
+            warn(words + ONCE)
+        return replace(known, issued=known.issued | looked | set(problems), meetings=measured.meetings)
+
+    def _suspected(self, result: Answer) -> tuple[dict[int, set[str]], Issued]:
+        """What seems to be wrong with contacts and has not been said, by kind; looks that are kept.
+
+        Where corners and edges may stand between points that press, overlaps are looked for at the
+        first step, and once for each doubling of the approach; before anything presses, of the motion.
+        """
+        known, case = result.diagnostics, result.case
+        found: dict[int, set[str]] = {}
+        looked = Issued()
+        for i, drift in enumerate(known.drifts):
+            name, overlaps = result.names[i], i in known.intrusions
+            if self.tracks[i].of_triangles or i in self.overlaps.near:
+                # sizes of vectors: the same in whatever axes
+                moved = max(float(np.linalg.norm(v)) for v in (case.x, case.motion[i].translation))
+                seen = _look("overlap", name, drift.approach or moved, known.issued)
+                looked |= seen
+                near = i in self.overlaps.near
+                overlaps |= bool(seen) and not (near and not self.overlaps.look_near(i, result, drift))
+            beyond = {
+                "sliding": not drift.small_sliding_holds,
+                "facets": self.tracks[i].seems_coarse(result, drift),
+                "overlap": (overlaps or i in known.undetected) and not known.prescribed(name),
+            }
+            kinds = {kind for kind in beyond if beyond[kind] and (kind, name) not in known.issued}
+            if kinds:
+                found[i] = kinds
+        return found, looked
+
+    def _strained(self, result: Answer) -> tuple[list[str], Issued]:
+        """Bodies that seem to be strained, to turn or to lock, and have not been said to.
+
+        With looks that are kept: whether a body locks does not depend on the size of its load, and is
+        looked at once each doubling of its approach.
+        """
+        found, looked = list[str](), Issued()
+        known, lock = result.diagnostics, lockable(result) if self.may_lock else []
+        size = dict.fromkeys(self.bounded, (0.0, 0.0))
+        for drift, watch in zip(known.drifts, self.tracks, strict=True):
+            for name in {self.system.names[b] for b in watch.bodies} & set(size):
+                strain, approach = size[name]
+                size[name] = max(strain, drift.strain), max(approach, drift.approach)
+        for name, (strain, approach) in size.items():
+            turn, stretch = abs(known.turns.get(name, 0.0)), known.stretches.get(name, 0.0)
+            strained = max(strain / PRESSED, stretch / SUSPECTED) > A_TENTH
+            beyond = {
+                "strain": strained,
+                "rotation": strained or turn > SUSPECTED * A_TENTH,
+                "locking": name in lock,
+            }
+            kinds = {kind for kind in beyond if beyond[kind] and (kind, name) not in known.issued}
+            look = "locking" in kinds
+            seen = _look("volumes", name, approach, known.issued) if look else Issued()
+            looked |= seen
+            if seen or kinds - {"locking"}:
+                found.append(name)
+        return found, looked
+
+
+def _look(what: str, name: str, approach: float, issued: Issued) -> Issued:
+    """What is kept of a look at an approach, twice or half of all that were looked at; else nothing."""
+    kind = f"seen {what}"
+    before = [of.rpartition(" ") for key, of in issued if key == kind]
+    for size in (float(size) for of, _, size in before if of == name):
+        if size == approach or max(size, approach) < 2.0 * (1 - SOLVED) * min(size, approach):
+            return Issued()
+    return Issued({(kind, f"{name} {approach:.17g}")})
 
 
 def assess(result: Answer) -> Validity:
@@ -66,16 +289,13 @@ def assess(result: Answer) -> Validity:
         What is beyond its bound, unless its history has said so before.
     """
     measured = Assessment(result)
-    problems: dict[tuple[str, str], str] = {}
-    if result.diagnostics.tracks:  # scalar fields move nothing
-        for i, (contact, name) in enumerate(zip(result.contacts, result.names, strict=True)):
-            label = f"Contact {name!r} ({contact.label}): "
-            found = measured.of_contact(i)
-            problems |= {(kind, name): label + words for kind, words in found.items()}
-    for name in measured.bounded:
-        found = measured.of_body(name)
-        problems |= {(kind, name): words for kind, words in found.items()}
-    problems |= leaning(result.system, result.diagnostics.leaning, problems)
+    contacts = (
+        range(len(result.names)) if result.diagnostics.tracks else ()
+    )  # scalar fields move nothing
+    problems = measured.problems(dict.fromkeys(contacts, OF_CONTACTS), measured.bounded)
+    for i, kind in product(contacts, OF_CONTACTS):
+        if (key := (kind, result.names[i])) in problems:
+            problems[key] = measured.label(i) + problems[key]
     for (kind, name), text in problems.items():
         issued = (kind, name) in result.diagnostics.issued
         issued |= kind == "overlap" and result.diagnostics.prescribed(name)
@@ -84,7 +304,6 @@ def assess(result: Answer) -> Validity:
     size, largest, rotation = (
         {name: measured.strains(name)[k] for name in measured.bounded} for k in range(3)
     )
-    contacts = range(len(result.names)) if result.diagnostics.tracks else ()
     return Validity(
         {result.names[i]: measured.contact(i) for i in contacts},
         size,
@@ -116,6 +335,35 @@ class Assessment:
         self.strains, self.boundary = cache(self._strains), cache(self._boundary)
         self.drift, self.contact = cache(self._drift), cache(self._contact)
 
+    def problems(
+        self,
+        contacts: Mapping[int, Collection[str]],
+        bodies: Sequence[str],
+        told: Collection[tuple[str, str]] = (),
+    ) -> dict[tuple[str, str], str]:
+        """Return what is beyond its bound, in words by kind and name.
+
+        Parameters
+        ----------
+        contacts : mapping
+            Kinds that are asked for, by the contact's number.
+        bodies : sequence of str
+            Names of bodies.
+        told : collection of (str, str)
+            What has been said before.
+        """
+        found: dict[tuple[str, str], str] = {}
+        for i, kinds in contacts.items():
+            words = self.of_contact(i, kinds)
+            found |= {(kind, self.result.names[i]): words[kind] for kind in words}
+        for name in bodies:
+            found |= {(kind, name): words for kind, words in self.of_body(name).items()}
+        return found | leaning(self.system, self.result.diagnostics.leaning, {*told, *found})
+
+    def label(self, i: int) -> str:
+        """Return which contact sentences are about."""
+        return f"Contact {self.result.names[i]!r} ({self.result.contacts[i].label}): "
+
     # -- bodies -------------------------------------------------------------------------------
 
     def _strains(self, name: str) -> tuple[float, float, float]:
@@ -145,7 +393,7 @@ class Assessment:
 
     # -- contacts -----------------------------------------------------------------------------
 
-    def of_contact(self, i: int, kinds: Collection[str] = OF_CONTACTS) -> dict[str, str]:
+    def of_contact(self, i: int, kinds: Collection[str]) -> dict[str, str]:
         """Return what is beyond its bound of one contact, in words by kind; of the kinds asked for."""
         found, drift, contact = {}, self.drift(i), self.result.contacts[i]
         if not drift.small_sliding_holds:
@@ -153,7 +401,8 @@ class Assessment:
         elif "overlap" in kinds:  # small sliding that does not follow is the reason already
             found["overlap"] = self._overlap(i)
         if drift.facets_too_long and contact.rigid_body is not None:
-            drift = self._pressed_in(i, drift)  # how far a force moves the tool says too little
+            # how far a force moves the tool says too little
+            drift = with_elastic_approach(self.result, i, drift)
         if drift.facets_too_long:
             found["facets"] = facet_words(drift, contact)
         return {kind: words for kind, words in found.items() if words and kind in kinds}
@@ -170,10 +419,9 @@ class Assessment:
 
     def _contact(self, i: int) -> ContactValidity:
         """All that is measured of one contact."""
-        result, part = self.result, self.result.slices()[i]
-        closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
-        meeting = self.meeting(i)
-        angle = float(np.max(result.kin.tilt[part][closed], initial=0.0))
+        result, meeting = self.result, self.meeting(i)
+        tilt = result.kin.tilt[result.slices()[i]][result.closed(i)]
+        angle = float(np.max(tilt, initial=0.0))
         mu = _coefficient(result.contacts[i])
         share = angle / mu if mu > 0 else np.nan
         seen = meeting.overlap, meeting.chords, meeting.unseen, meeting.opening
@@ -188,7 +436,7 @@ class Assessment:
         if part.excess > 1.0:
             if result.diagnostics.prescribed(result.names[i]):
                 return prescribed_words(part)
-            way = unselected_words(result.model.geometry, i, result.state)
+            way = unselected_words(result, i)
             return overlap_words(part, contact, self.meeting(i), way)
         # facets that are too long are the reason already
         if drift.facets_too_long or not (contact.secondary.dim == 3 and of_two_bodies(contact)):
@@ -198,13 +446,11 @@ class Assessment:
     def _crossing(self, i: int) -> str:
         """Return what edges of two solids do that cross, in words; empty for nothing."""
         result, sides = self.result, sides_of(self.result.contacts[i])
-        part, approach = result.slices()[i], self.drift(i).approach
-        added = result.diagnostics.tracks[i].added - result.worn_case.interference[part]
-        places = [side.points + result.displacement(side.body)[side.dofs] for side in sides]
-        edges = [sharp_edges_of(side) for side in sides]
-        found = crossing(edges, places, added, approach, SOLVED * self.system.extent)
-        closed = np.flatnonzero(result.state.status[part] != OPEN)
-        normal = result.kin.normal[part]
+        track, places = result.diagnostics.tracks[i], [result.moved(side) for side in sides]
+        given = track.gap_added(result), self.drift(i).approach, SOLVED * self.system.extent
+        found = crossing(track, places, *given)
+        closed = np.flatnonzero(result.state.status[track.part] != OPEN)
+        normal = result.kin.normal[track.part]
         if found is None or not (found.count or pressed_aside(found, sides[0], normal, closed)):
             return ""
         return crossing_words(found, *(side.label for side in sides))
@@ -216,55 +462,25 @@ class Assessment:
         return self.meetings[i]
 
     def _met(self, i: int) -> Meeting:
-        result, system = self.result, self.system
-        contact, part, track = result.contacts[i], result.slices()[i], result.diagnostics.tracks[i]
-        secondary = contact.secondary
-        moved = secondary.points + result.displacement(secondary.body)[secondary.dofs]
-        added = track.added - result.worn_case.interference[part]
-        paired = result.kin.paired[part]
-        closed = (result.state.status[part] != OPEN) & paired
-        name = system.names[system.index(secondary.body)]
-        if isinstance(contact.primary, Obstacle):
-            motion = result.case.motion[i].as_argument()
-            if contact.rigid_body is not None:
-                motion = as_motion(system, contact.rigid_body, result.u)
-            obstacle = contact.primary.moved(motion)
-            # the obstacle is exact: where facets are too long to meet it, nothing explains the overlap
-            chords = drawn_off(secondary)
-            found = at_obstacle(obstacle, secondary, chords, moved, added, closed, paired)
-            if obstacle.outline is None or contact.bilateral or contact.gap is not None:
-                return found
-            corners = obstacle.outline.points
-            return with_corners(found, self.boundary(name), corners, chords, moved, added)
-        if contact.primary.body is secondary.body:
+        contact, names = self.result.contacts[i], self.system.names
+        name = names[self.system.index(contact.secondary.body)]
+        if not isinstance(contact.primary, ContactSurface):
+            return at_obstacle(self.result, i, lambda: self.boundary(name))
+        if contact.primary.body is contact.secondary.body:
             return Meeting()
-        other = system.names[system.index(contact.primary.body)]
-        off = drawn_off(secondary), drawn_off(contact.primary)
-        boundaries = self.boundary(name), self.boundary(other)
-        return between(*boundaries, off, system.extent, moved, added, closed, paired)
+        other = names[self.system.index(contact.primary.body)]
+        return between(self.result, i, self.boundary(name), self.boundary(other))
 
     def _drift(self, i: int) -> Drift:
         """Return how far a contact has drifted, with the slips of the displacements."""
-        result = self.result
-        contact, part, track = result.contacts[i], result.slices()[i], result.diagnostics.tracks[i]
-        closed = (result.state.status[part] != OPEN) & result.kin.paired[part]
-        drift = result.diagnostics.drifts[i]
-        if contact.sliding != "small":
-            return self._pressed_in(i, drift)
-        t = result.kin.tangents
+        result, drift = self.result, self.result.diagnostics.drifts[i]
+        if result.contacts[i].sliding != "small":
+            return with_elastic_approach(result, i, drift)
+        t, part = result.kin.tangents, result.slices()[i]
         slip = result.kin.B_t[part.start * t : part.stop * t] @ result.u
         slip = np.einsum("mk,mkd->md", slip.reshape(-1, t), result.kin.duals[part])
-        gap, force = result.gap[part], result.state.normal_force[part]
-        tool = tool_motion(self.system, contact, track, result.u)
-        found = track.drift(closed, slip, gap, force, drift.approach, result.worn_case, i, part, tool)
-        return replace(drift, **found)
-
-    def _pressed_in(self, i: int, drift: Drift) -> Drift:
-        """Return it with the elastic approach of the displacements, where that is more."""
-        part = self.result.slices()[i]
-        closed = (self.result.state.status[part] != OPEN) & self.result.kin.paired[part]
-        elastic = beyond_round_off(elastic_approach(self.result, i, closed), self.system.extent)
-        return replace(drift, approach=max(drift.approach, elastic))
+        track = result.diagnostics.tracks[i]
+        return replace(drift, **track.numbers(result, result.closed(i), slip, drift.approach, result.u))
 
 
 def _coefficient(contact: Contact) -> float:

@@ -12,7 +12,7 @@ an arc that comes down between them; and a weighted gap, which knows a parabola 
 overlap of 2/3 of e where the curve just touches. Forces that follow from a prescribed approach d are
 wrong by ``d / e`` or its inverse. So e is compared with what the bodies take up elastically: forces are
 wrong by as large a part of them at most, and by less than half of that in general
-(`answers.thresholds.SAGITTA`).
+(`SAGITTA`).
 
 In the plane and in space, curvatures are tensors K: how the averaged normals at the corners of a facet
 change along it. An edge that is straight, beside a kink, or of a polygon of less than 16
@@ -37,7 +37,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from skfem_contact.answers.thresholds import A_TENTH, PIECES
+from skfem_contact.answers.validity.deformed_boundaries import PIECES
+from skfem_contact.answers.validity.validity import A_TENTH
 from skfem_contact.arrays import Array, Index, Mask, dot
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normal_field import of_curves

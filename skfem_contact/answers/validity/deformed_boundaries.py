@@ -15,17 +15,24 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.answers.thresholds import PIECES
-from skfem_contact.arrays import AT_ONCE, Array, Index, Mask, off_segments, ragged
+from skfem_contact.arrays import AT_ONCE, Array, Index, Mask, dot, off_segments, ragged
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
+from skfem_contact.bodies.facet_kinds import FacetKind, area_vectors, kind_of
+from skfem_contact.bodies.normal_field import CIRCLE, twin_edges
 from skfem_contact.bodies.selection import facet_nodes, node_dofs, seen_from_outside
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import SOLVED
-from skfem_contact.obstacles.obstacle import Obstacle
-from skfem_contact.pairing.closest import signed_distances
+from skfem_contact.digits import GIVEN, SOLVED
+from skfem_contact.pairing.closest import LEAN
+from skfem_contact.pairing.dual import OVERHANG
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
+
+#: Straight pieces that a quadratic facet is drawn with: they miss 1/256 of its sagitta.
+PIECES = 8
+
+#: Turn of a boundary from which on an edge is sharp [rad]: with less it may stand for a curve of 16
+#: faces to the circle (`bodies.normal_field.CIRCLE`), also just that and round-off.
+SHARP = float(2 * np.pi / CIRCLE * (1 + GIVEN))
 
 #: The direction of rays in space, its first two in the plane: of no mesh that has a reason.
 RAY = np.array([0.8127, 0.3491, 0.4669])
@@ -218,9 +225,10 @@ class BoundaryNodes:
         points = basis.doflocs[:, dofs[:, 0]].T
         return cls(body, kind_of(body.dim, nodes.shape[1]), points, dofs, facets.reshape(nodes.shape))
 
-    def at(self, points: Array) -> Boundary:
-        """The boundary with its nodes at these places (b, d)."""
+    def displaced(self, u: Array) -> Boundary:
+        """The boundary displaced by u (n_body,) [length]."""
         weights, simplices = _drawing(self.kind)
+        points = self.points + u[self.dofs]
         x = points[self.facets]
         if weights is not None:
             x = np.einsum("qk,fkd->fqd", weights, x)
@@ -230,8 +238,7 @@ class BoundaryNodes:
 
 def boundary(body: Body, u: Array) -> Boundary:
     """The whole boundary of a body, displaced by u (n_body,) [length]."""
-    nodes = BoundaryNodes.of(body)
-    return nodes.at(nodes.points + u[nodes.dofs])
+    return BoundaryNodes.of(body).displaced(u)
 
 
 def within(points: Array, box: tuple[Array, Array]) -> Mask:
@@ -285,154 +292,204 @@ def _blocks(count: Index) -> list[Index]:
     return [part for part in found if len(part)]
 
 
-# -- two sides of a contact -----------------------------------------------------------------------
+# -- edges of solids ------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Meeting:
-    """The meeting of two sides, seen from outside.
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """Convex edges of the boundary of a body, at the faces of one surface.
 
     Attributes
     ----------
-    overlap : float
-        Deepest overlap, less gaps given by the user and with interferences [length].
-    unseen : int
-        Points of the secondary without a partner that overlap by more than chords explain.
-    opening : float
-        Largest true gap of a closed point [length].
-    chords : float
-        What straight facets on curved sides explain of the overlap [length].
-    place : ndarray, shape (d,), or None
-        Of the deepest point, where one boundary is in the other [length].
-    side : int
-        Whose point it is: 0 of the secondary, 1 of the primary.
+    ends : ndarray of int, shape (e, 2)
+        Nodes of the surface.
+    corners : ndarray of int, shape (e, 2, c)
+        Those of both faces beside each edge, where they belong to the surface.
+    face : ndarray of int, shape (e, 2)
+        Faces of the surface beside each edge; -1 for one that does not belong to it.
+    normal : ndarray, shape (e, 2, 3)
+        Outward normals of both faces.
+    points : ndarray, shape (e, 2, 3)
+        Where the ends are [length].
+    room : ndarray, shape (e,)
+        Half of the shortest edge of the two faces: what lies deeper is another part of the
+        boundary [length].
     """
 
-    overlap: float = np.nan
-    unseen: int = 0
-    opening: float = np.nan
-    chords: float = 0.0
-    place: Array | None = None
-    side: int = 0
+    ends: Index
+    corners: Index
+    face: Index
+    normal: Array
+    points: Array
+    room: Array
+
+    def at(self, points: Array) -> Edges:
+        """The same edges with the nodes of the surface at other places, (m, 3).
+
+        Faces that do not belong to it have not turned.
+        """
+        normal = area_vectors(points[self.corners])
+        normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), np.finfo(float).tiny)
+        normal = np.where((self.face >= 0)[..., None], normal, self.normal)
+        return replace(self, normal=normal, points=points[self.ends])
 
 
-def between(
-    secondary: Boundary,
-    primary: Boundary,
-    chords: tuple[float, float],
-    extent: float,
-    nodes: Array,
-    added: Array,
-    closed: Mask,
-    paired: Mask,
-) -> Meeting:
-    """Two deformed bodies, all of their boundaries.
+def sharp_edges_of(surface: ContactSurface) -> Edges:
+    """Convex edges at which the boundary of the body turns by more than the pieces of a curve do.
 
-    Nodes are on the boundary that is meshed: that they overlap only chords of the other side explain.
+    Those between two faces of the surface, and those at which it ends.
+    """
+    mesh, basis = surface.body.basis.mesh, surface.body.basis
+    numbers, corners = seen_from_outside(mesh, mesh.boundary_facets())
+    x = np.transpose(mesh.p[:, corners], (1, 2, 0))
+    n = area_vectors(x)
+    n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), np.finfo(float).tiny)
+    twins, c = twin_edges(corners), corners.shape[1]
+    face, edge = np.nonzero(twins >= 0)
+    there = twins[face, edge] // c
+    once = face < there
+    face, edge, there = face[once], edge[once], there[once]
+    ends = np.stack([corners[face, edge], corners[face, (edge + 1) % c]], axis=1)
+    # numbers in the surface
+    mine = np.full(mesh.facets.shape[1], -1)
+    mine[surface.mesh_facets] = np.arange(len(surface.mesh_facets))
+    faces = mine[numbers[np.stack([face, there], axis=1)]]
+    middle = mesh.p[:, ends].mean(axis=2).T
+    convex = (dot(n[face], n[there]) < np.cos(SHARP)) & (
+        dot(x[there].mean(axis=1) - middle, n[face]) < 0
+    )
+    some = np.flatnonzero(convex & (faces >= 0).any(axis=1))
+    face, there, ends, faces = face[some], there[some], ends[some], faces[some]
+    place = np.full(surface.body.n, -1)
+    place[surface.dofs[:, 0]] = np.arange(len(surface.points))
+    shortest = np.linalg.norm(x - np.roll(x, -1, axis=1), axis=2).min(axis=1)
+    return Edges(
+        ends=place[basis.nodal_dofs[0, ends]],
+        corners=surface.facets[:, :c][faces],
+        face=faces,
+        normal=np.stack([n[face], n[there]], axis=1),
+        points=np.moveaxis(mesh.p[:, ends], 0, -1),
+        room=0.5 * np.minimum(shortest[face], shortest[there]),
+    )
 
-    Parameters
+
+def crossings(one: Edges, other: Edges, apart: float = 0.0) -> tuple[Array, Array, Array]:
+    """Depths (p,) and places (p, 3) where edges of two bodies cross, each inside the other body.
+
+    And the unit vectors (p, 3) across both edges, from the first body to the second. Edges that are
+    not farther than `apart` from each other count as well, with negative depths.
+
+    >>> import numpy as np
+    >>> up, down = (
+    ...     np.array([[[0, 1, 1], [0, -1, 1]]]) / 2**0.5,
+    ...     np.array([[[1, 0, -1], [-1, 0, -1]]]) / 2**0.5,
+    ... )
+    >>> def ridge(normal, points):
+    ...     return Edges(
+    ...         np.array([[0, 1]]),
+    ...         np.zeros((1, 2, 4), int),
+    ...         np.array([[0, 1]]),
+    ...         normal,
+    ...         np.array([points]),
+    ...         np.ones(1),
+    ...     )
+    >>> depth, place, across = crossings(
+    ...     ridge(up, [[-1.0, 0, 0], [1.0, 0, 0]]), ridge(down, [[0, -1.0, -0.1], [0, 1.0, -0.1]])
+    ... )
+    >>> depth.round(12).tolist(), place.round(12).tolist(), across.tolist()
+    ([0.1], [[0.0, 0.0, -0.05]], [[0.0, 0.0, 1.0]])
+    """
+    empty = np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3))
+    if not (len(one.ends) and len(other.ends)):
+        return empty
+    a, b = one.points, other.points
+    half = [0.5 * np.linalg.norm(x[:, 1] - x[:, 0], axis=1).max() for x in (a, b)]
+    i, j = Tree(a.mean(axis=1)).pairs(b.mean(axis=1), half[0] + half[1])
+    way = a[i, 1] - a[i, 0], b[j, 1] - b[j, 0]
+    length = [np.linalg.norm(w, axis=1) for w in way]
+    across = np.cross(*way)
+    size = np.linalg.norm(across, axis=1)
+    some = np.flatnonzero(size > LEAN * length[0] * length[1])  # others are parallel
+    if not len(some):  # as a rule
+        return empty
+    i, j, across = i[some], j[some], across[some] / size[some, None]
+    first, second = way[0][some], way[1][some]
+    across *= np.where(dot(across, one.normal[i].sum(axis=1)) < 0, -1.0, 1.0)[:, None]
+    seen = _between(one.normal[i], across) & _between(other.normal[j], -across)
+    # where the lines are closest
+    away = b[j, 0] - a[i, 0]
+    up = np.cross(first, second)
+    square = dot(up, up)
+    s = dot(np.cross(away, second), up) / square
+    t = dot(np.cross(away, first), up) / square
+    beyond = np.maximum(np.abs(s - 0.5), np.abs(t - 0.5)) - 0.5
+    # where an edge goes on in the next one, bent, two may pass both crossings by
+    seen &= beyond <= (OVERHANG if apart > 0 else 0.0)
+    depth = -dot(away, across)
+    depth = np.where(beyond > 0, np.minimum(depth, 0.0), depth)
+    seen &= (depth > -apart) & (depth < np.minimum(one.room[i], other.room[j]))
+    place = 0.5 * (a[i, 0] + s[:, None] * first + b[j, 0] + t[:, None] * second)
+    return depth[seen], place[seen], across[seen]
+
+
+def _between(normals: Array, way: Array) -> NDArray[np.bool_]:
+    """Return whether directions (p, 3) across edges lie between the normals (p, 2, 3) beside them."""
+    first, last = normals[:, 0], normals[:, 1]
+    axis = np.cross(first, last)
+    # normals that are opposite, of two lips of a slit, leave no direction between them
+    axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), np.finfo(float).tiny)
+    begin, end = dot(np.cross(first, way), axis), dot(np.cross(way, last), axis)
+    return np.asarray((begin > LEAN) & (end > LEAN) & (dot(first + last, way) > 0))
+
+
+# -- where surfaces end ---------------------------------------------------------------------------
+
+
+class Rim:
+    """The rim of a surface: the end points of a curve, or the edges of faces.
+
+    Attributes
     ----------
-    secondary, primary : Boundary
-    chords : two of float
-        How far what is drawn of each stands off it [length].
-    extent : float
-        Of the bodies [length].
-    nodes : ndarray, shape (m, d)
-        Of the secondary surface, displaced [length].
-    added : ndarray, shape (m,)
-        What the user has the gaps be larger than the meshes say [length].
-    closed, paired : ndarray of bool, shape (m,)
+    corners : ndarray, shape (e, d - 1, d)
+        Ends of curves, or of the chords of edges [length].
+    outward : ndarray, shape (e, d)
+        Unit vectors out of the surface, in the plane of the facet.
     """
-    noise = SOLVED * extent
-    # with an interference bodies may overlap before their meshes do: this shows at the nodes
-    true = np.full(len(nodes), np.inf)
-    true[paired] = primary.signed(nodes[paired]) + added[paired]
-    deepest = int(np.argmin(true))
-    best = Meeting(0.0, chords=sum(chords))
-    if true[deepest] < -noise:
-        best = Meeting(-float(true[deepest]), chords=chords[1], place=nodes[deepest])
-    for k, (one, other) in enumerate(((secondary, primary), (primary, secondary))):
-        own = one.nodes[within(one.nodes, other.box)]  # the others lie outside
-        samples = one.samples(other.box)
-        for points, explained in ((own, chords[1 - k]), (samples, sum(chords))):
-            depth = other.depth(points)
-            points, depth = points[depth > noise], depth[depth > noise]
-            if len(points) and added[paired].any():
-                depth = depth - added[paired][Tree(nodes[paired]).nearest(points)]
-            beyond = float(np.max(depth, initial=0.0)) - explained
-            if len(points) and depth.max() > 0 and beyond > best.overlap - best.chords:
-                i = int(np.argmax(depth))
-                best = Meeting(float(depth[i]), 0, 0.0, explained, points[i], k)
-    lonely = primary.depth(nodes[~paired]) > max(sum(chords), noise)
-    opening = float(np.max(true[closed], initial=0.0))
-    return replace(best, unseen=int(lonely.sum()), opening=opening)
 
+    def __init__(self, corners: Array, outward: Array) -> None:
+        self.corners = corners
+        self.outward = outward / np.linalg.norm(outward, axis=1, keepdims=True)
+        middle = corners.mean(axis=1)
+        self.tree = Tree(middle) if len(corners) else None
+        self.half = float(np.max(np.linalg.norm(corners[:, 0] - middle, axis=1), initial=0.0))
 
-def at_obstacle(
-    obstacle: Obstacle,
-    surface: ContactSurface,
-    chords: float,
-    nodes: Array,
-    added: Array,
-    closed: Mask,
-    paired: Mask,
-) -> Meeting:
-    """A deformed surface, its nodes and points between them, against an obstacle at its place."""
-    noise = SOLVED * float(np.max(np.ptp(surface.points, axis=0)))
-    at_nodes = signed_distance(obstacle, surface, nodes) + added
-    ends = surface.facets
-    between = [
-        signed_distance(obstacle, surface, np.einsum("k,fkd->fd", w, nodes[ends])) + added[ends] @ w
-        for w in surface.kind.between
-    ]
-    deepest = -float(np.min(np.concatenate([at_nodes, *between])))
-    lonely = -at_nodes[~paired] > max(chords, noise)
-    opening = float(np.max(at_nodes[closed], initial=0.0))
-    return Meeting(deepest if deepest > noise else 0.0, int(lonely.sum()), opening, chords)
+    @classmethod
+    def of(cls, surface: ContactSurface) -> Rim:
+        """Say that of a surface."""
+        x, c = surface.points, surface.kind.corners
+        facet, edge = np.nonzero(surface.twins < 0)
+        ends = x[surface.facets[facet[:, None], np.column_stack([edge, (edge + 1) % c])]]
+        if surface.dim == 2:
+            return cls(ends[:, :1], ends[:, 0] - ends[:, 1])
+        return cls(ends, np.cross(ends[:, 1] - ends[:, 0], surface.facet_normals[facet]))
 
+    def at_least(self, points: Array) -> Array:
+        """What points are away from the rim at least, (m,); ``inf`` where there is none [length]."""
+        if self.tree is None:
+            return np.full(len(points), np.inf)
+        return np.maximum(self.tree.distances(points) - self.half, 0.0)
 
-def with_corners(
-    found: Meeting, body: Boundary, corners: Array, chords: float, nodes: Array, added: Array
-) -> Meeting:
-    """Return how an obstacle is met, whose corners may stand in the body between its nodes.
-
-    Parameters
-    ----------
-    found : Meeting
-        What the body's own points say.
-    body : Boundary
-    corners : ndarray, shape (p, d)
-        Of the obstacle at its place [length].
-    chords : float
-        How far what is drawn of the body stands off it [length].
-    nodes, added
-        As in `between`.
-    """
-    depth = body.depth(corners)
-    inside = np.flatnonzero(depth)
-    if not len(inside):
-        return found
-    depth = depth[inside] - added[Tree(nodes).nearest(corners[inside])]
-    i = int(np.argmax(depth))
-    if depth[i] - chords <= max(found.overlap - found.chords, 0.0):
-        return found
-    return replace(found, overlap=float(depth[i]), chords=chords, place=corners[inside[i]], side=1)
-
-
-def signed_distance(obstacle: Obstacle, surface: ContactSurface, points: Array) -> Array:
-    """Signed distances of any points, whether they face the obstacle or not."""
-    # these points are none of the nodes that the facets of the surface are made of
-    outline = obstacle.outline
-    if outline is not None:
-        return signed_distances(outline, points)
-    at = replace(surface, points=points, normals=np.zeros_like(points))
-    return distances(obstacle, at)[0]
-
-
-def distances(obstacle: Obstacle, surface: ContactSurface) -> tuple[Array, Array, Mask]:
-    """Distances, normals and partners of `Obstacle.distance`, of a level set to first order."""
-    from skfem_contact.obstacles.shapes import LevelSet
-
-    if not isinstance(obstacle, LevelSet):
-        return obstacle.distance(surface)
-    return obstacle.first_order(surface)
+    def beyond(self, points: Array) -> Array:
+        """How far points lie beyond the rim along the surface, negative above it, (p,) [length]."""
+        if self.tree is None:
+            return np.full(len(points), -np.inf)
+        few = min(8, len(self.corners))
+        near = np.asarray(self.tree.query(points, k=few)[1]).reshape(len(points), few)
+        start, end = self.corners[near, 0], self.corners[near, -1]
+        away = off_segments(points[:, None], start, end - start)
+        distance = np.linalg.norm(away, axis=2)
+        # where two edges meet at the nearest corner the sum of both tells, of notches and holes as well
+        out = np.sum(away * self.outward[near], axis=2)
+        nearest = distance <= distance.min(axis=1, keepdims=True) * (1 + SOLVED)
+        out = np.sum(out, axis=1, where=nearest)
+        return np.where(out > 0, 1.0, -1.0) * distance.min(axis=1)

@@ -1,10 +1,13 @@
-"""Overlaps that contact conditions do not see: of two bodies, and with obstacles.
+"""Overlaps that contact conditions do not see, by signed distance between deformed boundaries.
 
 The points of both surfaces, and those between them, are looked for in the whole body on the other
 side, by what a step knows of displacements: those of contact surfaces and supports, extrapolated to the
-rest of the boundary (`Extrapolation`). That is a suspicion: the verdict is that of `assess`, with all
+rest of the boundary (`Extrapolation`). That is a suspicion: the verdict is that of `between`, with all
 displacements. Where bodies slide far anything may come to overlap in any step; with small sliding
-overlaps of solids grow as forces do, and `watch` looks once for every doubling.
+overlaps of solids grow as forces do, and `assess` looks once for every doubling.
+
+Edges of solids that cross inside each other are overlaps that the nodes of neither boundary tell. Where
+they only touch, node by node, forces act along normals of faces and not across both edges.
 
 What obstacles hide goes by kinds that each have a shape for it:
 
@@ -16,35 +19,35 @@ What obstacles hide goes by kinds that each have a shape for it:
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from dataclasses import replace
+from functools import cache, cached_property
 
 import numpy as np
 
-from skfem_contact.answers.thresholds import A_TENTH, OVERLAP, SAGITTA
-from skfem_contact.answers.validity.chords import bends, drawn_off, kinked_edges
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.validity.chords import bends, kinked_edges
 from skfem_contact.answers.validity.deformed_boundaries import (
     Boundary,
     BoundaryNodes,
-    signed_distance,
+    Rim,
+    crossings,
     within,
 )
-from skfem_contact.answers.validity.edges import Edges, crossing, sharp_edges_of
 from skfem_contact.answers.validity.support import Extrapolation
-from skfem_contact.answers.validity.track import Rim, Track
-from skfem_contact.answers.validity.validity import Drift
+from skfem_contact.answers.validity.track import ContactWatch, signed_distance
+from skfem_contact.answers.validity.validity import A_TENTH, OVERLAP, SAGITTA, Crossing, Drift, Meeting
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
-from skfem_contact.conditions.rows import as_motion
-from skfem_contact.conditions.state import OPEN, LoadCase, State
+from skfem_contact.conditions.state import OPEN
 from skfem_contact.digits import SOLVED
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import shape_of
 from skfem_contact.pairing.corners import unselected_sides
-from skfem_contact.pairing.node import Pairing, node_to_segment
+from skfem_contact.pairing.node import node_to_segment
 from skfem_contact.trees import Tree
 
 #: Triangles this many times as large as the faces that meet them: smaller ones are a bend themselves.
@@ -57,6 +60,8 @@ class Overlaps:
     Parameters
     ----------
     geometry : Geometry
+    tracks : sequence of ContactWatch
+        Of every contact.
     known : callable
         Gives the DOFs whose displacements are known without the interior.
 
@@ -66,9 +71,12 @@ class Overlaps:
         Contacts that slide far, to be looked at after every step, and solids with small sliding.
     """
 
-    def __init__(self, geometry: Geometry, known: Callable[[], Index]) -> None:
+    def __init__(
+        self, geometry: Geometry, tracks: Sequence[ContactWatch], known: Callable[[], Index]
+    ) -> None:
         self.geometry, self.system, self.contacts = geometry, geometry.system, geometry.contacts
-        self.known = known
+        self.tracks, self.known = tracks, known
+        self.depth_in_solid = cache(depth_in_solid)  # of the undeformed bodies
         self.held = np.asarray(self.system.D)
         two = [i for i, c in enumerate(self.contacts) if of_two_bodies(c)]
         self.far = [i for i in two if self.contacts[i].sliding == "finite"]
@@ -96,40 +104,28 @@ class Overlaps:
         known[self.held] = True
         return {b: Extrapolation(self.system, nodes, known) for b, nodes in self.nodes.items()}
 
-    @cached_property
-    def chords(self) -> dict[int, list[float]]:
-        """How far what is drawn of both sides stands off them, by the contact's number."""
-        return {i: [drawn_off(s) for s in sides_of(self.contacts[i])] for i in self.far + self.near}
-
-    @cached_property
-    def edges(self) -> dict[int, list[Edges]]:
-        """Edges of both sides of solids, by the contact's number."""
-        solid = [i for i in self.far + self.near if self.contacts[i].secondary.dim == 3]
-        return {i: [sharp_edges_of(s) for s in sides_of(self.contacts[i])] for i in solid}
-
-    def look_far(
-        self, state: State, case: LoadCase, tracks: Sequence[Track], drifts: Sequence[Drift]
-    ) -> frozenset[int]:
+    def look_far(self, result: Answer, drifts: Sequence[Drift]) -> frozenset[int]:
         """Numbers of contacts that slide far and seem to overlap by more than their bounds.
 
-        Parameters
-        ----------
-        state, case : State, LoadCase
-        tracks, drifts : sequence of Track and Drift
-            Of every contact.
+        By the drifts of all contacts, as far as a step knows them.
         """
-        u = self.geometry.spread(state.surface)
-        u[self.held] = case.x[self.held]
-        return self._look(self.far, self.beside_surfaces, u, case, tracks, drifts)
+        if not self.far:
+            return frozenset()
+        parts = self._filled(self.beside_surfaces, result.at_surfaces())
+        return frozenset(i for i in self.far if self._seems(i, parts, result, drifts[i]))
 
-    def look_near(
-        self, i: int, u: Array, case: LoadCase, tracks: Sequence[Track], drifts: Sequence[Drift]
-    ) -> bool:
-        """Whether solids with small sliding seem to, by displacements (n,) of contacts and supports."""
-        hidden = self._hidden(i, tracks[i])
-        return hidden or bool(self._look([i], self.beside_contacts, u, case, tracks, drifts))
+    def look_near(self, i: int, result: Answer, drift: Drift) -> bool:
+        """Whether solids with small sliding seem to, by displacements of contacts and supports."""
+        if self._hidden(self.tracks[i]):
+            return True
+        parts = self._filled(self.beside_contacts, result.recover.at_contact())
+        return self._seems(i, parts, result, drift)
 
-    def _hidden(self, i: int, track: Track) -> bool:
+    @staticmethod
+    def _filled(beside: dict[int, Extrapolation], u: Array) -> dict[int, Array]:
+        return {b: unknown.filled(u) for b, unknown in beside.items()}
+
+    def _hidden(self, track: ContactWatch) -> bool:
         """Whether nodes in no row lie among those that are: only the interior knows their places."""
         known = np.zeros(self.system.n, dtype=bool)
         known[self.known()] = known[self.held] = True
@@ -141,80 +137,62 @@ class Overlaps:
         box = x.min(axis=0) - room, x.max(axis=0) + room
         return any(
             within(side.points[~known[self.system.slice(side.body)][side.dofs].all(axis=1)], box).any()
-            for side in sides_of(self.contacts[i])
+            for side in sides_of(track.contact)
         )
 
-    def _look(
-        self,
-        some: Sequence[int],
-        beside: dict[int, Extrapolation],
-        u: Array,
-        case: LoadCase,
-        tracks: Sequence[Track],
-        drifts: Sequence[Drift],
-    ) -> frozenset[int]:
-        parts = {b: unknown.filled(u) for b, unknown in beside.items()}
-        found, noise = set(), SOLVED * self.system.extent
-        for i in some:
-            added = tracks[i].added - case.interference[self.geometry.point_slices[i]]
-            added, approach = np.nan_to_num(added), drifts[i].approach
-            numbers = [self.system.index(side.body) for side in sides_of(self.contacts[i])]
-            places = [self.nodes[b].points + parts[b][self.nodes[b].dofs] for b in numbers]
-            nodes = [
-                s.points + parts[b][s.dofs]
-                for s, b in zip(sides_of(self.contacts[i]), numbers, strict=True)
-            ]
-            others = [self.nodes[b].at(x) for b, x in zip(numbers[::-1], places[::-1], strict=True)]
-            if any(self._beyond(i, k, others[k], nodes, added, approach, noise) for k in range(2)) or (
-                i in self.edges and crossing(self.edges[i], nodes, added, approach, noise)
-            ):
-                found.add(i)
-        return frozenset(found)
-
-    def _beyond(
-        self,
-        i: int,
-        k: int,
-        other: Boundary,
-        nodes: Sequence[Array],
-        added: Array,
-        approach: float,
-        noise: float,
-    ) -> bool:
-        """Whether points of one side of a contact lie in the other body, deeper than their bound.
+    def _seems(self, i: int, parts: dict[int, Array], result: Answer, drift: Drift) -> bool:
+        """Whether points of a side or edges lie in the other body, by displacements of both bodies.
 
         The bound is that of `ContactValidity.excess`, with what is known of the approach; a lower one
         where small sliding of solids is looked at, seldom and by what is known of the displacements.
         """
-        side, chords = sides_of(self.contacts[i])[k], self.chords[i]
-        # what supports hold in the other body is warned of as that
-        free: Mask = np.logical_not(np.all(side.held, axis=1))
-        ends = side.facets[free[side.facets].all(axis=1)]
-        between = np.einsum("pk,fkd->pfd", side.kind.between, nodes[k][ends])
-        for points, explained in (
-            (nodes[k][free], chords[1 - k]),
-            (between.reshape(-1, side.dim), sum(chords)),
-        ):
-            bound = max(explained + (A_TENTH if i in self.near else OVERLAP) * approach, noise)
-            points, depth = other.inner(points, bound + float(np.min(added, initial=0.0)))
-            if len(points) and added.any():
-                depth = depth - added[Tree(nodes[0]).nearest(points)]
-            if np.max(depth, initial=0.0) > bound:
-                return True
-        return False
+        track, sides = self.tracks[i], sides_of(self.contacts[i])
+        added, noise = np.nan_to_num(track.gap_added(result)), SOLVED * self.system.extent
+        numbers = [self.system.index(side.body) for side in sides]
+        places = [s.points + parts[b][s.dofs] for s, b in zip(sides, numbers, strict=True)]
+        others = [self.nodes[b].displaced(parts[b]) for b in numbers[::-1]]
+        allowed = (A_TENTH if i in self.near else OVERLAP) * drift.approach
+        for side, nodes, other, chords in zip(sides, places, others, track.chords[::-1], strict=True):
+            # what supports hold in the other body is warned of as that
+            free: Mask = np.logical_not(np.all(side.held, axis=1))
+            ends = side.facets[free[side.facets].all(axis=1)]
+            amid = np.einsum("pk,fkd->pfd", side.kind.between, nodes[ends]).reshape(-1, side.dim)
+            for points, explained in ((nodes[free], chords), (amid, sum(track.chords))):
+                bound = max(explained + allowed, noise)
+                points, depth = other.inner(points, bound + float(np.min(added, initial=0.0)))
+                depth = less_added(depth, points, places[0], added)
+                if np.max(depth, initial=0.0) > bound:
+                    return True
+        given = places, added, drift.approach, noise
+        return track.dim == 3 and crossing(track, *given) is not None
+
+    def undetected(self, track: ContactWatch, result: Answer, u: Array, drift: Drift) -> str:
+        """Return what contact conditions do not see of an obstacle, in words; or nothing.
+
+        Parameters are those of `ContactWatch.look`, and what it has found.
+        """
+        words = leaning_words(track, result, u) if track.of_triangles else ""
+        if words or drift.closed or not track.rigid or track.contact.bilateral:
+            return words
+        # nothing touches; what finds partners that it did not have has come to another place
+        gap, depth = result.gap[track.part], self.depth_in_solid(track)
+        if depth and (track.paired.any() or not np.isfinite(gap).any()):
+            return in_solid_words(track.contact, depth)
+        found = None if track.bend is None else pierced(track.secondary, track.bend, gap)
+        return pierced_words(track.secondary, *found, track.primary.label) if found else ""
 
 
-def unselected_words(geometry: Geometry, i: int, state: State) -> str:
+def less_added(depth: Array, points: Array, nodes: Array, added: Array) -> Array:
+    """Depths (p,) at points less what is added to the gaps (m,) of the nodes nearest to them."""
+    return depth - added[Tree(nodes).nearest(points)] if len(points) and added.any() else depth
+
+
+def unselected_words(result: Answer, i: int) -> str:
     """Where a surface in the plane ends and the other body lies on the side beyond, held by nothing."""
-    contacts = geometry.contacts
-    if (
-        contacts[i].sliding == "small"
-        or contacts[i].secondary.dim == 3
-        or not of_two_bodies(contacts[i])
-    ):
+    contacts, contact, u = result.contacts, result.contacts[i], result.at_surfaces()
+    if contact.sliding == "small" or contact.secondary.dim == 3 or not of_two_bodies(contact):
         return ""
-    u = geometry.spread(state.surface)
-    sides = [side.moved(u[geometry.system.slice(side.body)]) for side in sides_of(contacts[i])]
+    sides = [side.moved(u[result.system.slice(side.body)]) for side in sides_of(contact)]
     others = [s for c in contacts for s in (c.secondary, c.primary)]
     words = []
     for own, other in (sides, sides[::-1]):
@@ -250,10 +228,129 @@ def sides_of(contact: Contact) -> tuple[ContactSurface, ContactSurface]:
     return contact.secondary, contact.primary
 
 
+def between(result: Answer, i: int, secondary: Boundary, primary: Boundary) -> Meeting:
+    """How two deformed bodies meet, all of their boundaries.
+
+    Nodes are on the boundary that is meshed: that they overlap only chords of the other side explain.
+    """
+    track, nodes = result.diagnostics.tracks[i], result.moved(result.contacts[i].secondary)
+    chords, added, noise = track.chords, track.gap_added(result), SOLVED * result.system.extent
+    paired = result.kin.paired[track.part]
+    # with an interference bodies may overlap before their meshes do: this shows at the nodes
+    true = np.full(len(nodes), np.inf)
+    true[paired] = primary.signed(nodes[paired]) + added[paired]
+    deepest = int(np.argmin(true))
+    best = Meeting(0.0, chords=sum(chords))
+    if true[deepest] < -noise:
+        best = Meeting(-float(true[deepest]), chords=chords[1], place=nodes[deepest])
+    for k, (one, other) in enumerate(((secondary, primary), (primary, secondary))):
+        own = one.nodes[within(one.nodes, other.box)]  # the others lie outside
+        samples = one.samples(other.box)
+        for points, explained in ((own, chords[1 - k]), (samples, sum(chords))):
+            depth = other.depth(points)
+            points, depth = points[depth > noise], depth[depth > noise]
+            depth = less_added(depth, points, nodes[paired], added[paired])
+            beyond = float(np.max(depth, initial=0.0)) - explained
+            if len(points) and depth.max() > 0 and beyond > best.overlap - best.chords:
+                worst = int(np.argmax(depth))
+                best = Meeting(float(depth[worst]), 0, 0.0, explained, points[worst], k)
+    lonely = primary.depth(nodes[~paired]) > max(sum(chords), noise)
+    opening = float(np.max(true[result.closed(i)], initial=0.0))
+    return replace(best, unseen=int(lonely.sum()), opening=opening)
+
+
+def at_obstacle(result: Answer, i: int, body: Callable[[], Boundary]) -> Meeting:
+    """How a deformed surface, its nodes and points between them, meets the obstacle at its place.
+
+    And corners of the obstacle, which may stand in the deformed body between its nodes.
+    """
+    contact, track = result.contacts[i], result.diagnostics.tracks[i]
+    # the obstacle is exact: where facets are too long to meet it, nothing explains the overlap
+    surface, (chords,), added = contact.secondary, track.chords, track.gap_added(result)
+    obstacle, noise = track.obstacle(result.case, result.u), SOLVED * result.system.extent
+    nodes = result.moved(surface)
+    at_nodes = signed_distance(obstacle, surface, nodes) + added
+    ends = surface.facets
+    between = [
+        signed_distance(obstacle, surface, np.einsum("k,fkd->fd", w, nodes[ends])) + added[ends] @ w
+        for w in surface.kind.between
+    ]
+    deepest = -float(np.min(np.concatenate([at_nodes, *between])))
+    lonely = -at_nodes[~result.kin.paired[track.part]] > max(chords, noise)
+    opening = float(np.max(at_nodes[result.closed(i)], initial=0.0))
+    found = Meeting(deepest if deepest > noise else 0.0, int(lonely.sum()), opening, chords)
+    if obstacle.outline is None or contact.bilateral or contact.gap is not None:
+        return found
+    corners = obstacle.outline.points
+    depth = body().depth(corners)
+    inside = np.flatnonzero(depth)
+    if not len(inside):
+        return found
+    depth = depth[inside] - added[Tree(nodes).nearest(corners[inside])]
+    k = int(np.argmax(depth))
+    if depth[k] - chords <= max(found.overlap - found.chords, 0.0):
+        return found
+    return replace(found, overlap=float(depth[k]), chords=chords, place=corners[inside[k]], side=1)
+
+
+# -- edges of solids -----------------------------------------------------------------------------------
+
+
+def crossing(
+    track: ContactWatch,
+    points: Sequence[Array],
+    added: Array,
+    approach: float,
+    noise: float,
+) -> Crossing | None:
+    """Measure how edges of two solids cross.
+
+    Parameters
+    ----------
+    track : ContactWatch
+    points : two of ndarray, shape (m, 3)
+        Where their nodes are [length].
+    added : ndarray, shape (m,)
+        What the user has the gaps be larger than the meshes say, at the secondary's nodes [length].
+    approach, noise : float
+        What the bodies take up elastically, and round-off of places [length].
+    """
+    one, other = (own.at(x) for own, x in zip(track.edges, points, strict=True))
+    # what touches has been moved aside by no more than the approach
+    depth, place, across = crossings(one, other, apart=max(noise, approach))
+    if not len(depth):
+        return None
+    depth = less_added(depth, place, points[0], added)
+    i, count = int(np.argmax(depth)), int(np.count_nonzero(depth > max(noise, OVERLAP * approach)))
+    return Crossing(count, float(depth[i]), place[i], across[i])
+
+
+def pressed_aside(found: Crossing, side: ContactSurface, normal: Array, closed: Index) -> bool:
+    """Return whether the point that presses where two edges touch does so in another direction.
+
+    Parameters
+    ----------
+    found : Crossing
+    side : ContactSurface
+        The secondary, as it is meshed.
+    normal : ndarray, shape (m, 3)
+        Along which its points press.
+    closed : ndarray of int
+        Those that do.
+    """
+    if not len(closed):
+        return False
+    apart = np.linalg.norm(side.points[closed] - found.place, axis=1)
+    if apart.min() > side.lengths.max():
+        return False
+    along = abs(float(normal[closed[np.argmin(apart)]] @ found.across))
+    return bool(along < np.cos(3 * A_TENTH))  # edges lean with the strains of their bodies
+
+
 # -- a surface in the solid of its obstacle -------------------------------------------------------
 
 
-def depth_in_solid(contact: Contact, pairing: Pairing) -> float:
+def depth_in_solid(track: ContactWatch) -> float:
     """How deep a surface lies in the solid of its obstacle, all of it and unseen; zero if it does not.
 
     Finite sliding looks for partners anew in every step, so a point without one is no mistake: it may
@@ -261,14 +358,8 @@ def depth_in_solid(contact: Contact, pairing: Pairing) -> float:
     nothing of it finds what it could touch, the obstacle is taken for its own inverse. (With small
     sliding points that find nobody are refused.) A closed outline may offer its far side instead: its
     gaps are open, where the points are in the solid.
-
-    Parameters
-    ----------
-    contact : Contact
-        On an obstacle.
-    pairing : Pairing
-        Of the undeformed bodies.
     """
+    contact, pairing = track.contact, track.geometry.pairings[track.i]
     obstacle, surface = _shape(contact), contact.secondary
     outline, paired = obstacle.outline, pairing.paired
     known = contact.gap is not None or contact.adjust
@@ -369,23 +460,6 @@ def pierced_words(surface: ContactSurface, depth: float, place: Array, label: st
 # -- obstacles of triangles -----------------------------------------------------------------------
 
 
-def of_triangles(contact: Contact) -> bool:
-    """Return whether it is a solid on an obstacle of triangles, whose normals may lean."""
-    outline = contact.primary.outline if isinstance(contact.primary, Obstacle) else None
-    rigid = outline is not None and outline.dim == 3
-    return rigid and not contact.bilateral and contact.gap is None
-
-
-def outline_of(geometry: Geometry, i: int, case: LoadCase, u: Array) -> ContactSurface:
-    """Return the straight pieces of the obstacle of a contact at their place."""
-    obstacle, body = geometry.contacts[i].primary, geometry.contacts[i].rigid_body
-    assert isinstance(obstacle, Obstacle)
-    moved = case.motion[i].as_argument() if body is None else as_motion(geometry.system, body, u)
-    outline = obstacle.moved(moved).outline
-    assert outline is not None
-    return outline
-
-
 def leaning_faces(secondary: ContactSurface, outline: ContactSurface) -> Mask:
     """Large triangles that are no pieces of a curve, and whose normals lean nevertheless, shape (nf,).
 
@@ -399,26 +473,19 @@ def leaning_faces(secondary: ContactSurface, outline: ContactSurface) -> Mask:
     return kinked_edges(outline).any(axis=1) & (off > A_TENTH) & (outline.lengths > size)
 
 
-def leaning_words(geometry: Geometry, i: int, state: State, case: LoadCase, u: Array) -> str:
+def leaning_words(track: ContactWatch, result: Answer, u: Array) -> str:
     """Say what to say of forces that lean on flats of triangles; empty if they do not, or hardly.
 
-    Parameters
-    ----------
-    geometry : Geometry
-    i : int
-        The contact, on an obstacle of triangles.
-    state, case
-        Of the answer.
-    u : ndarray, shape (n,)
-        Displacements, right at the contact DOFs [length].
+    By displacements u (n,) that are right at the contact DOFs.
     """
-    contact, part = geometry.contacts[i], geometry.point_slices[i]
-    surface, outline = contact.secondary, outline_of(geometry, i, case, u)
+    contact, part, state = track.contact, track.part, result.state
+    surface, outline = contact.secondary, track.obstacle(result.case, u).outline
+    assert outline is not None
     leaning = leaning_faces(surface, outline)
     force = np.where(state.status[part] != OPEN, np.abs(state.normal_force[part]), 0.0)
     if not (leaning.any() and force.any()):
         return ""
-    pairing = node_to_segment(surface.moved(u[geometry.system.slice(surface.body)]), outline)
+    pairing = node_to_segment(surface.moved(u[result.system.slice(surface.body)]), outline)
     on_flat = pairing.paired & leaning[np.where(pairing.paired, pairing.facet, 0)]
     facet = np.where(on_flat, pairing.facet, 0)
     off = (pairing.normal - outline.facet_normals[facet]) * (force * on_flat)[:, None]

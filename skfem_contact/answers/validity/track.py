@@ -1,29 +1,43 @@
-r"""`Track`: where the points of one contact with small sliding may be led by their slip, see `Drift`.
+r"""`ContactWatch`: what one contact shows of the bounds of the model at an answer, see `Drift`.
 
-With the slip vector s of a point, the curvature of the other side as a tensor K (``K t`` is the change
-of the normal along t) and the width w of the closed part, the root of its area in space: normals are
-off by ``|K s|``, gaps by ``|s.K s| / 2``, and forces act by ``|s| / w`` of the contact beside their
-place. At obstacles normals and gaps are compared with those where the obstacle and the points are.
+Its `Track` is where points with small sliding may be led by their slip. With the slip vector s of a
+point, the curvature of the other side as a tensor K (``K t`` is the change of the normal along t) and
+the width w of the closed part, the root of its area in space: normals are off by ``|K s|``, gaps by
+``|s.K s| / 2``, and forces act by ``|s| / w`` of the contact beside their place. At obstacles normals
+and gaps are compared with those where the obstacle and the points are.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from skfem_contact.answers.validity.chords import curvatures, sagittas
-from skfem_contact.answers.validity.deformed_boundaries import distances
-from skfem_contact.arrays import Array, Mask, angle_between, dot, largest, off_segments
+from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.validity.chords import curvatures, drawn_off, sagittas
+from skfem_contact.answers.validity.deformed_boundaries import Edges, Rim, sharp_edges_of
+from skfem_contact.answers.validity.support import (
+    Support,
+    beyond_round_off,
+    pressed_in,
+    with_elastic_approach,
+)
+from skfem_contact.answers.validity.validity import Drift
+from skfem_contact.arrays import Array, Index, Mask, angle_between, dot, largest
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.rows import as_motion
-from skfem_contact.conditions.state import LoadCase, Motion
-from skfem_contact.digits import COMPUTED, SOLVED
+from skfem_contact.conditions.state import OPEN, LoadCase, Motion
+from skfem_contact.digits import COMPUTED
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import shape_of
+from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.trees import Tree
 
@@ -184,58 +198,24 @@ class Track:
             end = stretch[np.argmax(away)]
         return float(away.max())
 
-    def drift(
-        self,
-        closed: Mask,
-        slip: Array,
-        gap: Array,
-        force: Array,
-        approach: float,
-        case: LoadCase,
-        i: int,
-        part: slice,
-        tool: tuple[Motion, Array] | None = None,
-    ) -> dict[str, Any]:
-        """The numbers of `Drift` that are those of small sliding.
+    def drift(self, closed: Mask, slip: Array, force: Array, approach: float) -> dict[str, Any]:
+        """The numbers of `Drift` that slips (m, d) of closed points have, under normal forces (m,).
 
-        Parameters
-        ----------
-        closed : ndarray of bool, shape (m,)
-        slip : ndarray, shape (m, d)
-            Of the secondary relative to a deformable primary [length].
-        gap : ndarray, shape (m,)
-            Of the answer [length].
-        force : ndarray, shape (m,)
-            Normal forces.
-        approach : float
-            [length]
-        case : LoadCase
-        i, part : int, slice
-            The contact, and its points.
-        tool : pair of Motion and ndarray, optional
-            Of a rigid body, see `tool_motion`.
+        Over what the bodies take up elastically, the approach [length].
         """
-        found: dict[str, Any] = {}
-        on_obstacle = isinstance(self.primary, Obstacle)
-        if on_obstacle:
-            found = self._at_obstacle(closed, slip, gap, approach, case, i, part, tool)
-        if on_obstacle and tool is None:  # else it is part of the slip
-            slip = slip - self.tangential(slid(case.motion[i], self.points))
         if not np.count_nonzero(closed):
-            return found
+            return {}
         way = np.linalg.norm(slip, axis=1)
-        breadth = self.breadth(closed)
-        found["slip"] = largest(way[closed])
-        found["widths"] = found["slip"] / breadth if breadth > 0 else np.inf
-        if on_obstacle:
+        breadth, longest = self.breadth(closed), largest(way[closed])
+        found = {"slip": longest, "widths": longest / breadth if breadth > 0 else np.inf}
+        if isinstance(self.primary, Obstacle):
             return found
         found["facets"] = largest((way / self.facet)[closed])
         if self.turns:
             turned = np.einsum("mde,me->md", self.bends, slip)[closed]
             error = float(np.max(0.5 * np.abs(dot(turned, slip[closed]))))
             found["tilt"] = float(np.linalg.norm(turned, axis=1).max())
-            found["gap_error"] = error
-            found["gap_share"] = error / approach if approach > 0 else 0.0
+            found |= {"gap_error": error, "gap_share": error / approach if approach > 0 else 0.0}
         far = closed & (way >= self.room)
         if not np.count_nonzero(far):
             return found | NONE_PAST
@@ -259,45 +239,301 @@ class Track:
             "beyond_share": float(lost @ force[far] / total),
         }
 
-    def _at_obstacle(
+
+class ContactWatch(Track):
+    """The part of the look at one contact that does not change from answer to answer.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    i : int
+        The contact.
+    supports : sequence of Support
+        Of all bodies.
+    diagonals : sequence of ndarray
+        Of the stiffness of every body [force/length].
+    known : callable
+        Gives the DOFs whose displacements are known without the interior; called only where bodies that
+        nothing holds along a frictionless contact may slide on it.
+
+    Attributes
+    ----------
+    soft : float
+        What a force on a point presses it in [length/force].
+    spared : ndarray, shape (m,), or None
+        What of `soft` points do not feel, because supports take up their force on one side.
+    motions : list of ndarray, shape (m, d, r)
+        How far motions of each body move points.
+    borne, held : bool
+        Whether supports hold the secondary, and both sides, along the normals.
+    loose : list of Support, or None
+        Motions of bodies where neither friction nor supports say how they slide.
+    inside : bool
+        Whether some of these show in the interior alone.
+    asks : bool
+        Whether displacements at the contact DOFs are asked for.
+    """
+
+    def __init__(
         self,
-        closed: Mask,
-        slip: Array,
-        gap: Array,
-        approach: float,
-        case: LoadCase,
+        geometry: Geometry,
         i: int,
-        part: slice,
-        tool: tuple[Motion, Array] | None,
+        supports: Sequence[Support],
+        diagonals: Sequence[Array],
+        known: Callable[[], Index],
+    ) -> None:
+        self.geometry, self.i, self.system = geometry, i, geometry.system
+        self.contact, self.part = geometry.contacts[i], geometry.point_slices[i]
+        contact, pairing = self.contact, geometry.pairings[i]
+        super().__init__(contact, pairing, geometry.kin.gap0[self.part], geometry.interference[i])
+        self.dim = self.points.shape[1]
+        self.small = contact.sliding == "small"
+        self.rigid, self.tool = contact.rigid, contact.rigid_body is not None
+        self.of_triangles = of_triangles(contact)
+        sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
+        self.bodies = [self.system.index(side.body) for side in sides]
+        # the diagonal of K at a surface is of the order of the modulus, whatever the mesh; in 3-D
+        # of half of it times the size of a face. Its mean over the axes is the same in all axes
+        stiff = [diagonals[b][s.dofs].mean(axis=1) for b, s in zip(self.bodies, sides, strict=True)]
+        self.extent = sum(supports[b].arm for b in self.bodies)
+        size = [1.0 if self.dim == 2 else 0.5 * float(np.median(side.lengths)) for side in sides]
+        self.soft, self.spared = pressed_in(pairing, sides, stiff, size)
+        if contact.rigid_body is not None:  # it takes up nothing, but it moves
+            self.bodies.append(self.system.index(contact.rigid_body))
+        held_by = [supports[b] for b in self.bodies]
+        self.motions = [s.unit_at(self.points) for s in held_by]
+        points, normal = self.points[self.paired], self.normal[self.paired]
+        self.borne, self.held = (
+            all(s.holds(points, normal) for s in some) for some in (held_by[:1], held_by)
+        )
+        self.inside, self.loose = False, None
+        if self.small and contact.friction is None and not contact.tied:
+            along = np.moveaxis(self.tangent[self.paired], 1, 0)
+            if not all(s.holds(points, way) for s in held_by for way in along):
+                self.loose = [self._free(b, known()) for b in self.bodies]
+        self.asks = self.of_triangles or self.loose is not None or self.of_pieces
+        self.asks |= self.tool and self.small
+
+    def carried(self) -> ContactWatch:
+        """What an answer takes along, without what steps alone look with: it comes from the bodies."""
+        out = copy(self)
+        for name in (
+            "geometry",
+            "motions",
+            "loose",
+            "soft",
+            "spared",
+            "borne",
+            "held",
+            "inside",
+            "asks",
+        ):
+            delattr(out, name)
+        return out
+
+    def _free(self, b: int, known: Index) -> Support:
+        """Return how a body moves as a whole, by what is known of its displacements."""
+        start, end = self.system.offsets[b : b + 2]
+        known = known[(known >= start) & (known < end)] - start
+        body = self.system.bodies[b]
+        found = Support.of(body, int(start), np.union1d(known, body.D), self.system.extent)
+        if not found.free.shape[1]:
+            return found
+        # frictionless contact along an axis knows no displacements across it: those of all DOFs say it
+        self.inside = True
+        return Support.of(body, int(start), np.arange(body.n), self.system.extent)
+
+    def _apart(self, motions: Sequence[Array]) -> Array:
+        """Return how far points move against each other by the motions (r,) of its bodies, (m, d)."""
+        own = self.motions[0] @ motions[0]
+        return np.asarray(own - self.motions[1] @ motions[1] if len(motions) > 1 else own)
+
+    def look(self, result: Answer, motions: Sequence[Array], u: Array) -> Drift:
+        """Return how far the contact has drifted at an answer, as far as a step knows.
+
+        Parameters
+        ----------
+        result : Answer
+        motions : sequence of ndarray
+            Of the supports of all bodies.
+        u : ndarray, shape (n,)
+            Displacements, where `asks` says so.
+        """
+        contact, state, case, part = self.contact, result.state, result.worn_case, self.part
+        closed, sagitta = result.closed(self.i), self._sagitta(result, u)
+        count = int(np.count_nonzero(closed))
+        if not count and not (self.small and self.rigid):
+            return Drift(sagitta=sagitta)
+        force = state.normal_force[part]
+        if self.stretched:  # glue may twist
+            force = np.hypot(force, np.linalg.norm(state.tangential_force[part], axis=1))
+        (approach, strain), slip = self._pressed(closed, force), None
+        if self.small:
+            by_supports, slip = self.split(self._apart([motions[b] for b in self.bodies]))
+            if self.held and count:
+                lifted = case.gap0[part][closed] - result.gap[part][closed] + by_supports[closed]
+                elastic = largest(np.abs(lifted))
+                approach, strain = max(approach, elastic), max(strain, elastic / self.extent)
+            if contact.friction is not None or contact.tied:
+                given = self.geometry.kin.slip_along(case.slip0[part], part)
+                # a belt is pressed in by its stretch along the drum
+                slip, spread = self.slip(state.slip[part], given, slip, closed)
+                approach = max(approach, spread)
+            elif self.loose is not None:
+                slip = self.tangential(self._apart([body.motion(u) for body in self.loose]))
+        approach = beyond_round_off(approach, self.extent)
+        found = {} if slip is None else self.numbers(result, closed, slip, approach, u)
+        return Drift(count, approach=approach, strain=strain, sagitta=sagitta, **found)
+
+    def numbers(
+        self, result: Answer, closed: Mask, slip: Array, approach: float, u: Array
     ) -> dict[str, Any]:
-        """Against the obstacle itself, where it and the points are now."""
+        """The numbers of `Drift` that are those of small sliding, at obstacles and between bodies.
+
+        Parameters
+        ----------
+        result : Answer
+        closed : ndarray of bool, shape (m,)
+        slip : ndarray, shape (m, d)
+            Of the secondary relative to a deformable primary [length].
+        approach : float
+            [length]
+        u : ndarray, shape (n,)
+            Displacements, which a rigid body is moved by.
+        """
+        force, found = result.state.normal_force[self.part], dict[str, Any]()
+        if self.rigid:
+            motion, carried = self._motion(result.case, u)
+            found = self._at_obstacle(result, closed, slip + carried, approach, motion)
+            if self.stretched and self.tool:
+                off = np.linalg.norm(motion.shift(self.points) - carried, axis=1)
+                error = float(np.max(off[closed], initial=0.0))
+                found |= {"gap_error": error, "gap_share": error / approach if approach > 0 else 0.0}
+            if not self.tool:  # else it is part of the slip
+                slip = slip - self.tangential(_slid(motion, self.points))
+                if self.contact.friction is not None:
+                    found["off_arc"] = self._off_arc(motion, np.where(closed, force, 0.0))
+        return found | self.drift(closed, slip, force, approach)
+
+    def obstacle(self, case: LoadCase, u: Array) -> Obstacle:
+        """The obstacle at its place; a rigid body's by displacements u (n,)."""
+        assert isinstance(self.primary, Obstacle)
+        return shape_of(self.primary).moved(self._motion(case, u)[0].as_argument())
+
+    def _motion(self, case: LoadCase, u: Array) -> tuple[Motion, Array]:
+        """Motion of the obstacle, and the linear displacement (m, d) its DOFs give points on it."""
+        body = self.contact.rigid_body
+        if body is None:
+            return case.motion[self.i], np.zeros((1, 1))
+        motion = Motion(*as_motion(self.system, body, u))
+        arm = np.where(self.paired[:, None], self.feet, self.points) - body.about
+        if arm.shape[1] == 3:
+            return motion, motion.translation + np.cross(motion.angle, arm)
+        turned = motion.angle * np.column_stack([-arm[:, 1], arm[:, 0]])
+        return motion, motion.translation + turned
+
+    def _at_obstacle(
+        self, result: Answer, closed: Mask, slip: Array, approach: float, motion: Motion
+    ) -> dict[str, Any]:
+        """Normals and gaps against those of the obstacle, where it and the points are now."""
         from skfem_contact.obstacles.shapes import RigidPlane
 
         assert isinstance(self.primary, Obstacle)
-        motion, carried = tool or (case.motion[i], np.zeros((1, 1)))
         obstacle = shape_of(self.primary)
-        found: dict[str, Any] = {}
         moved = np.linalg.norm(motion.shift(self.points), axis=1)
-        found["motion"] = float(np.max(moved[closed], initial=0.0))
-        if self.stretched and tool is not None:
-            off = np.linalg.norm(motion.shift(self.points) - carried, axis=1)
-            error = float(np.max(off[closed], initial=0.0))
-            found |= {"gap_error": error, "gap_share": error / approach if approach > 0 else 0.0}
+        found = {"motion": float(np.max(moved[closed], initial=0.0))}
         if not self.follows or (isinstance(obstacle, RigidPlane) and not motion.turns):
             return found
-        gap = np.where(self.paired, gap, 0.0)  # without a partner there is none
-        lifted = gap - np.where(self.paired, case.gap0[part], 0.0)
-        u = self.normal * lifted[:, None] + slip + carried
+        # without a partner there is none
+        both = result.gap, result.worn_case.gap0
+        gap, begun = (np.where(self.paired, known[self.part], 0.0) for known in both)
+        u = self.normal * (gap - begun)[:, None] + slip
         u[~self.paired] = 0.0
-        added = self.added - case.interference[part]
         at = replace(self.secondary, points=self.points + u)
         distance, normal, facing = distances(obstacle.moved(motion.as_argument()), at)
-        true = distance + added
+        true = distance + self.gap_added(result)
         compared = closed & self.by_node
         angle = angle_between(self.normal, normal)
         found["tilt"] = float(np.max(angle[compared], initial=0.0))
+        # where nothing presses no force is lost by a gap
+        error = (true - gap)[compared]
+        error = np.abs(error) if approach > 0 else -error
         sunk, noise = ~closed & facing & self.paired, COMPUTED * float(np.max(np.abs(at.points)))
-        return found | _gaps_at_obstacle(true, gap, compared, sunk, approach, noise)
+        worst = float(max(np.max(error, initial=0.0), np.max(-true[sunk], initial=0.0)))
+        worst = worst if worst > noise else 0.0
+        # where nothing touches any more all of the force is lost
+        share = worst / max(approach, worst) if worst else 0.0
+        return found | {"gap_error": worst, "gap_share": share}
+
+    def _off_arc(self, motion: Motion, force: Array) -> float:
+        """`Drift.off_arc`, under normal forces (m,).
+
+        Where it is carried along as well, the centre has been half way in the mean.
+        """
+        if not motion.turns:
+            return 0.0
+        arc = _slid(motion, self.points + 0.5 * motion.translation)
+        off = self.tangential(arc - motion.shift(self.points))
+        whole = float(force @ np.linalg.norm(self.tangential(arc), axis=1))
+        return float(force @ np.linalg.norm(off, axis=1)) / whole if whole > 0 else 0.0
+
+    def _pressed(self, closed: NDArray[np.bool_], force: Array) -> tuple[float, float]:
+        """Approach [length] and strain under normal forces (m,), by the diagonal of K."""
+        pressing, width = np.abs(force[closed]), self.breadth(closed)
+        pressed = float(pressing.sum() * self.soft)
+        if self.spared is not None:
+            pressed = max(pressed - float(pressing @ self.spared[closed]), 0.0)
+        if self.dim == 3:  # a force over a length, where in 2-D it is over the thickness
+            pressed = pressed / width if width else 0.0
+        return pressed, pressed / width if width else 0.0
+
+    def _sagitta(self, result: Answer, u: Array) -> float:
+        # how far bodies that no support holds against a tool are pressed in is known from forces alone,
+        # which tell too little of it
+        if not self.curved or (self.rigid and not self.borne):
+            return 0.0
+        force = result.state.normal_force[self.part]
+        force = np.where(result.state.status[self.part] != OPEN, force, 0.0)
+        if self.of_pieces:
+            outline = self.obstacle(result.case, u).outline
+            assert outline is not None
+            return self.sagitta(force, (self._placed(u, self.secondary), outline.points, outline))
+        if self.small or not isinstance(self.primary, ContactSurface):
+            return self.sagitta(force)
+        u = result.at_surfaces()
+        one, other = (self._placed(u, side) for side in (self.secondary, self.primary))
+        return self.sagitta(force, (one, other, self.primary))
+
+    def _placed(self, u: Array, side: ContactSurface) -> Array:
+        return np.asarray(side.points + u[self.system.slice(side.body)][side.dofs])
+
+    @cached_property
+    def chords(self) -> list[float]:
+        """How far what is drawn of both sides, which are bodies, stands off them [length]."""
+        sides = self.secondary, self.primary
+        return [drawn_off(side) for side in sides if isinstance(side, ContactSurface)]
+
+    @cached_property
+    def edges(self) -> list[Edges]:
+        """Edges of both sides, which are solids."""
+        sides = self.secondary, self.primary
+        return [sharp_edges_of(side) for side in sides if isinstance(side, ContactSurface)]
+
+    def gap_added(self, result: Answer) -> Array:
+        """What the user has the gaps be larger than the meshes say, (m,) [length]."""
+        return np.asarray(self.added - result.worn_case.interference[self.part])
+
+    def seems_coarse(self, result: Answer, drift: Drift) -> bool:
+        """Whether facets seem too long; by displacements where points slide far or a force moves it."""
+        if (self.small and not self.tool) or not drift.facets_too_long:
+            return drift.facets_too_long
+        u = result.u if self.small else result.at_surfaces()
+        return with_elastic_approach(result, self.i, drift, u).facets_too_long
+
+
+def _slid(motion: Motion, points: Array) -> Array:
+    """How far an obstacle's surface has come along under points, the whole turn counted, (m, d)."""
+    return motion.slid(Motion.none(len(motion.centre)), points)
 
 
 def _by_node(pairing: Pairing) -> Mask:
@@ -318,112 +554,27 @@ def node_lengths(surface: ContactSurface, pairing: Pairing) -> Array:
     return np.asarray(np.bincount(surface.facets.ravel(), length, len(surface.points)), dtype=float)
 
 
-def tool_motion(
-    system: System, contact: Contact, track: Track, u: Array
-) -> tuple[Motion, Array] | None:
-    """Motion of a contact's rigid body, and the linear displacement (m, d) it gives points on it.
-
-    By displacements u of the system (n,); None where the primary is none.
-    """
-    body = contact.rigid_body
-    if body is None:
-        return None
-    motion = Motion(*as_motion(system, body, u))
-    arm = np.where(track.paired[:, None], track.feet, track.points) - body.about
-    if arm.shape[1] == 3:
-        return motion, motion.translation + np.cross(motion.angle, arm)
-    turned = motion.angle * np.column_stack([-arm[:, 1], arm[:, 0]])
-    return motion, motion.translation + turned
+def signed_distance(obstacle: Obstacle, surface: ContactSurface, points: Array) -> Array:
+    """Signed distances of any points, whether they face the obstacle or not."""
+    # these points are none of the nodes that the facets of the surface are made of
+    outline = obstacle.outline
+    if outline is not None:
+        return signed_distances(outline, points)
+    at = replace(surface, points=points, normals=np.zeros_like(points))
+    return distances(obstacle, at)[0]
 
 
-def _gaps_at_obstacle(
-    true: Array, gap: Array, closed: Mask, open_: Mask, approach: float, noise: float
-) -> dict[str, float]:
-    """`gap_error` and `gap_share` of `Drift` at an obstacle.
+def distances(obstacle: Obstacle, surface: ContactSurface) -> tuple[Array, Array, Mask]:
+    """Distances, normals and partners of `Obstacle.distance`, of a level set to first order."""
+    from skfem_contact.obstacles.shapes import LevelSet
 
-    Parameters
-    ----------
-    true, gap : ndarray, shape (m,)
-        Gaps as they are, and as small sliding has them [length].
-    closed, open_ : ndarray of bool, shape (m,)
-        Points that are compared, and those that may be sunk in.
-    approach : float
-        That the bodies take up elastically; where nothing presses no force is lost by a gap [length].
-    noise : float
-        Round-off of gaps [length].
-    """
-    error = (true - gap)[closed]
-    error = np.abs(error) if approach > 0 else -error
-    worst = float(max(np.max(error, initial=0.0), np.max(-true[open_], initial=0.0)))
-    worst = worst if worst > noise else 0.0
-    # where nothing touches any more all of the force is lost
-    return {"gap_error": worst, "gap_share": worst / max(approach, worst) if worst else 0.0}
+    if not isinstance(obstacle, LevelSet):
+        return obstacle.distance(surface)
+    return obstacle.first_order(surface)
 
 
-def off_arc(motion: Motion, track: Track, force: Array) -> float:
-    """`Drift.off_arc`, under normal forces (m,).
-
-    Where it is carried along as well, the centre has been half way in the mean.
-    """
-    if not motion.turns:
-        return 0.0
-    arc = slid(motion, track.points + 0.5 * motion.translation)
-    off = arc - motion.shift(track.points)
-    arc, off = (v - np.sum(v * track.normal, axis=1)[:, None] * track.normal for v in (arc, off))
-    whole = float(force @ np.linalg.norm(arc, axis=1))
-    return float(force @ np.linalg.norm(off, axis=1)) / whole if whole > 0 else 0.0
-
-
-def slid(motion: Motion, points: Array) -> Array:
-    """How far an obstacle's surface has come along under points, the whole turn counted, (m, d)."""
-    return motion.slid(Motion.none(len(motion.centre)), points)
-
-
-class Rim:
-    """The rim of a surface: the end points of a curve, or the edges of faces.
-
-    Attributes
-    ----------
-    corners : ndarray, shape (e, d - 1, d)
-        Ends of curves, or of the chords of edges [length].
-    outward : ndarray, shape (e, d)
-        Unit vectors out of the surface, in the plane of the facet.
-    """
-
-    def __init__(self, corners: Array, outward: Array) -> None:
-        self.corners = corners
-        self.outward = outward / np.linalg.norm(outward, axis=1, keepdims=True)
-        middle = corners.mean(axis=1)
-        self.tree = Tree(middle) if len(corners) else None
-        self.half = float(np.max(np.linalg.norm(corners[:, 0] - middle, axis=1), initial=0.0))
-
-    @classmethod
-    def of(cls, surface: ContactSurface) -> Rim:
-        """Say that of a surface."""
-        x, c = surface.points, surface.kind.corners
-        facet, edge = np.nonzero(surface.twins < 0)
-        ends = x[surface.facets[facet[:, None], np.column_stack([edge, (edge + 1) % c])]]
-        if surface.dim == 2:
-            return cls(ends[:, :1], ends[:, 0] - ends[:, 1])
-        return cls(ends, np.cross(ends[:, 1] - ends[:, 0], surface.facet_normals[facet]))
-
-    def at_least(self, points: Array) -> Array:
-        """What points are away from the rim at least, (m,); ``inf`` where there is none [length]."""
-        if self.tree is None:
-            return np.full(len(points), np.inf)
-        return np.maximum(self.tree.distances(points) - self.half, 0.0)
-
-    def beyond(self, points: Array) -> Array:
-        """How far points lie beyond the rim along the surface, negative above it, (p,) [length]."""
-        if self.tree is None:
-            return np.full(len(points), -np.inf)
-        few = min(8, len(self.corners))
-        near = np.asarray(self.tree.query(points, k=few)[1]).reshape(len(points), few)
-        start, end = self.corners[near, 0], self.corners[near, -1]
-        away = off_segments(points[:, None], start, end - start)
-        distance = np.linalg.norm(away, axis=2)
-        # where two edges meet at the nearest corner the sum of both tells, of notches and holes as well
-        out = np.sum(away * self.outward[near], axis=2)
-        nearest = distance <= distance.min(axis=1, keepdims=True) * (1 + SOLVED)
-        out = np.sum(out, axis=1, where=nearest)
-        return np.where(out > 0, 1.0, -1.0) * distance.min(axis=1)
+def of_triangles(contact: Contact) -> bool:
+    """Return whether it is a solid on an obstacle of triangles, whose normals may lean."""
+    outline = contact.primary.outline if isinstance(contact.primary, Obstacle) else None
+    rigid = outline is not None and outline.dim == 3
+    return rigid and not contact.bilateral and contact.gap is None
