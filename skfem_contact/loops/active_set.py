@@ -383,8 +383,8 @@ class Projection:
         slip_scale = self.slip_scale
         allowed = max(step.noise, tolerance * scale)
         known = NO_VIOLATION * np.maximum(rho.normal * self.gap_scale, rho.tangential * slip_scale)
-        # a status that round-off would change is kept, see `proposal`: what is closed may pull, and what
-        # is stuck pass its bound, by that much
+        # a status that round-off would change is kept, see `proposal`: what is closed may pull by that
+        # much, and what is stuck pass its bound
         kept = np.where(current.status == OPEN, allowed, max(allowed, self.nothing))
         wrong = normal > np.maximum(known, kept)
         if not step.all_exact:
