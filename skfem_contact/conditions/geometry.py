@@ -272,11 +272,11 @@ class Geometry:
         moved = np.max(np.abs(change), initial=0.0) / scale if scale > 0 else 0.0
         return float(np.maximum(np.max(gap, initial=0.0) / self.system.extent, moved))
 
-    def stretched(self, old: Kinematics, new: Kinematics, state: LocalState) -> float:
-        """Change of areas that bodies of finite strain bear forces on, over the largest force's."""
+    def stretched(self, old: Kinematics, new: Kinematics, state: LocalState) -> Array:
+        """Change of areas that bodies of finite strain bear forces on, by the largest force, (m,)."""
         force = np.where(self.stretches & (new.area > 0), np.abs(state.normal_force), 0.0)
         change = force * np.abs(1.0 - old.area / np.where(force > 0, new.area, 1.0))
-        return float(np.max(change, initial=0.0) / np.max(force, initial=np.finfo(float).tiny))
+        return np.asarray(change / np.max(force, initial=np.finfo(float).tiny))
 
     def _on_surfaces(self, B: csr_matrix, forces: Array) -> Array:
         """Forces along rows as those on the DOFs of surfaces that slide far, ``B' forces``.

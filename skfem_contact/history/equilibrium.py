@@ -16,7 +16,6 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.result import ContactResult, falling
 from skfem_contact.arrays import Array, Mask, largest, lengths
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction_rule import jumps_open, resisting_slips
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.motions import (
@@ -324,8 +323,7 @@ class EquilibriumSearch:
             return Verdict(free, motions, f=attempt.case.f, shown=shown, carries=carries)
         interface, kin = model.interface, attempt.problem.kin
         named = attempt if attempt.culprit >= 0 else self.advance.unsettled or attempt
-        at = named.culprit
-        if at >= 0 and has_corners(interface.contacts[interface.contact_of(at)]):
+        if at_corners(named):
             return Verdict(advice=("" if named is attempt else FIRST.format(named.failure)) + CORNERS)
         if attempt.stateless is not None:
             return Verdict(advice=JUMPS + _stateless(attempt))
@@ -456,8 +454,12 @@ def _stateless(attempt: Attempt) -> str:
     )
 
 
-def has_corners(contact: Contact) -> bool:
-    """Return whether the surfaces of a contact have convex corners, their ends included."""
+def at_corners(attempt: Attempt) -> bool:
+    """Whether an attempt failed for a point of surfaces with convex corners, their ends included."""
+    if attempt.culprit < 0:
+        return False
+    interface = attempt.model.interface
+    contact = interface.contacts[interface.contact_of(attempt.culprit)]
     primary = contact.primary
     sides = contact.secondary, primary.outline if isinstance(primary, Faceted) else primary
     surfaces = [side for side in sides if isinstance(side, ContactSurface)]

@@ -36,10 +36,10 @@ from skfem_contact.answers.placed import Iteration, Placed, point_forces
 from skfem_contact.arrays import Array, largest
 from skfem_contact.bodies.normal_field import CORNER
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.state import LoadCase, LocalState
+from skfem_contact.conditions.state import LoadCase
 from skfem_contact.digits import COMPUTED, GIVEN, SINGLE
 from skfem_contact.errors import InputError, MaterialError
-from skfem_contact.history.equilibrium import ARRIVED, CORNERS, EquilibriumSearch, Verdict, has_corners
+from skfem_contact.history.equilibrium import ARRIVED, CORNERS, EquilibriumSearch, Verdict, at_corners
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.refined import ROUGH, UNSOLVED, holds, refined, remarks, usable
 from skfem_contact.history.stepper import NOISE, Stepper
@@ -88,8 +88,8 @@ class NoAnswer(Exception):
         self, why: str, verdict: Verdict | None = None, attempt: Attempt | None = None
     ) -> None:
         super().__init__(why)
-        self.verdict = verdict
-        self.attempt, self.travel = attempt, 0.0 if attempt is None else attempt.travel
+        self.verdict, self.attempt = verdict, attempt
+        self.travel = 0.0 if attempt is None else attempt.travel
         self.stopped = attempt is not None and attempt.stopped
 
 
@@ -150,9 +150,8 @@ class NonlinearSearch:
     remarks: dict[str, str] = field(default_factory=dict)
     recovery: Recovery = field(init=False)
     last: EquilibriumSearch = field(init=False)
-    _reached: Placed | None = None
-    _near: bool = False  # to equilibrium, to half of the digits
-    _around: str = ""  # the first point that an iterate has led around a corner
+    _now: Reached | None = None  # the last iterate beyond `placed`, of `advance.attempt`
+    _led: Attempt | None = None  # the first of a part that leads a point around a corner
 
     def find(self) -> Verdict:
         """Find the answer, in parts of the step where it does not come at once."""
@@ -174,8 +173,8 @@ class NonlinearSearch:
                 way.cuts += 1
                 # what slides too far in equal parts, as few as may be
                 parts.cut(AIM * np.ceil(none.travel / AIM) if none.travel > 1.0 else 0.0)
-                if none.travel > 1.0 and self._reached is not None:  # too far, but on the way
-                    trend = sealed((self._reached.u - self.placed.u) / part.share)
+                if none.travel > 1.0 and self._now is not None:  # too far, but on the way
+                    trend = sealed((self._now.placed.u - self.placed.u) / part.share)
                     self.placed = replace(self.placed, trend=trend)
                 logger.info("step cut to %.4g of its size: %s", parts.share, none)
                 continue
@@ -193,27 +192,27 @@ class NonlinearSearch:
         now, own = self._forecast(part), None
         step, secant = replace(part, pairing=self._pairing(part, now.placed.u)), Anderson()
         exact, closing, shift, left, most = True, False, 0.0, np.inf, 0.0
-        self._near, self._around = False, ""  # of this part
+        self._led = None
         for number in range(1, options.max_placements + 1):
             try:
                 attempt, u = self._solve(step, now.placed.stiffened(base.stiffness, shift), exact)
                 there = self._stepped(part.target, now, attempt, u)
             except NoAnswer as none:
                 stiffer = [share for share in SHIFTS if share > shift]
-                if not stiffer or none.stopped:
+                if not stiffer or none.stopped or number == options.max_placements:
                     raise
                 exact, shift = True, stiffer[0]
                 continue
             nearer, left = there.share == 1.0 and there.norm < left, there.norm
-            now, u, shift = there, there.placed.u, min(shift, SHIFTS[0])
+            self._now = now = there
+            u, shift = now.placed.u, min(shift, SHIFTS[0])
             most = max(most, now.norm)
             contact = len(attempt.outcome.trace)
             self.newton.append(Iteration(number, aim, now.most / now.scale, now.share, contact))
             logger.debug("%s", self.newton[-1])
             balanced = now.share == 1.0 and now.most <= now.limit and holds(attempt, u)
-            self._reached, self.advance.attempt = now.placed, attempt
+            self.advance.attempt = attempt
             attempt, own = self._judged(step, attempt, u, FAR if number == 1 else 1.0, balanced)
-            self._near = now.most <= SINGLE * now.scale and attempt.good
             self.advance.attempt = attempt
             if balanced and attempt.good:
                 self._come_to(attempt, part.target, now.placed, part.share)
@@ -230,24 +229,8 @@ class NonlinearSearch:
                 step = replace(step, pairing=self._pairing(step, ahead) if secant.active else own)
             closing = closing or balanced  # contact alone is left, and is solved to its end from now on
             exact, step = closing, replace(step, known=attempt.state)
-        raise self._unsettled(now, own)
-
-    def _unsettled(self, now: Reached, own: Pairing) -> NoAnswer:
-        """No answer after all iterates; where pairings lead to each other the point is named."""
-        model, options, attempt = self.stepper.model, self.stepper.options, self.advance.attempt
         why = f"{options.max_placements} iterates left {now.most / now.scale:.1e} of the largest force"
-        if own is None or attempt.mismatch <= options.placement_tolerance:
-            return NoAnswer(why)
-        both = attempt.problem.kin, own[0], attempt.local
-        interface, point = model.interface, model.geometry.least_settled(*both)
-        why += f"; {interface.point_words(point, own[0].points[point])} meets another partner"
-        return NoAnswer(why, self._advice(point))
-
-    def _advice(self, point: int) -> Verdict:
-        """What to try where contact at a point does not settle, or goes too far."""
-        interface = self.stepper.model.interface
-        corners = has_corners(interface.contacts[interface.contact_of(point)])
-        return Verdict(advice=CORNERS if corners else NO_DESCENT)
+        raise NoAnswer(f"{why}; {attempt.failure}" if attempt.failure else why, attempt=attempt)
 
     def _pairing(self, step: LoadStep, u: Array) -> Pairing:
         """The pairing at displacements u (n,), from the one before; None where it never changes."""
@@ -255,7 +238,7 @@ class NonlinearSearch:
         if not geometry.follows:
             return None
         u = geometry.predicted(u[geometry.surface_dofs], step.target)
-        before = None if step.pairing is None else step.pairing[0]
+        before, _ = step.pairing or (None, None)
         return geometry.at(u, step.target, before), u
 
     def _judged(
@@ -265,31 +248,27 @@ class NonlinearSearch:
         by, geometry = self.stepper, self.stepper.model.geometry
         if step.pairing is None:
             return attempt, None
-        attempt, own = travelled(by, attempt, far), None
-        if not attempt.failure:
-            own = self._pairing(step, u)
-            assert own is not None
-            both = attempt.problem.kin, own[0], attempt.local
-            mismatch = geometry.mismatch(*both, by.barred)
-            if balanced:  # areas too are to be those of the answer: laws and pressures are by them
-                mismatch = max(mismatch, geometry.stretched(*both))
+        attempt = travelled(by, attempt, far)
+        if not attempt.failure and (own := self._pairing(step, u)) is not None:
+            old, new, local = both = attempt.problem.kin, own[0], attempt.local
+            # where forces balance, areas too are to be those of the answer: laws are by them
+            apart, grown = geometry.mismatch(*both, by.barred), balanced * geometry.stretched(*both)
+            mismatch = max(apart, largest(grown))
             if mismatch > by.options.placement_tolerance:
-                self._around = self._around or self._led_around(*both)
-                failure = f"the pairing moves by {mismatch:.1e}"
-                return replace(attempt, mismatch=mismatch, failure=failure), own
-            attempt = settled(by, attempt, own[0], mismatch)
-        if attempt.failure:
-            raise NoAnswer(attempt.failure, self._advice(attempt.culprit), attempt)
-        return attempt, own
-
-    def _led_around(self, old: Kinematics, new: Kinematics, local: LocalState) -> str:
-        """The point, in words, whose force would be another one, as its normal turns by a corner."""
-        turned = (local.normal_force != 0) & (np.einsum("id,id->i", old.normal, new.normal) < CORNER)
-        if not turned.any():
-            return ""
-        point = int(np.argmax(np.where(turned, local.normal_force, -np.inf)))
-        words = self.stepper.model.interface.point_words(point, new.points[point])
-        return f"{words} meets another partner"
+                partner = apart == mismatch
+                point = geometry.least_settled(*both) if partner else int(np.argmax(grown))
+                words = by.model.interface.point_words(point, new.points[point])
+                words += " meets another partner" if partner else " bears its force on another area"
+                failure = f"the pairing moves by {mismatch:.1e}: {words}"
+                culprit = point if partner else -1
+                attempt = replace(attempt, mismatch=mismatch, failure=failure, culprit=culprit)
+                turns = local.normal_force[point] and old.normal[point] @ new.normal[point] < CORNER
+                self._led = self._led or (attempt if turns else None)
+                return attempt, own
+            attempt = settled(by, attempt, new, mismatch)
+            if not attempt.failure:
+                return attempt, own
+        raise NoAnswer(attempt.failure, attempt=attempt)
 
     def _forecast(self, part: LoadStep) -> Reached:
         """Where bodies are linearised first: on the way of the step before, or a little way back."""
@@ -330,19 +309,18 @@ class NonlinearSearch:
                         return self._ended(attempt), u
         turned, secant = np.zeros(len(at.u)), Anderson()
         for _ in range(options.max_placements):
-            search = EquilibriumSearch(by, step, self.start)
-            try:
+            search, verdict = EquilibriumSearch(by, step, self.start), SINGULAR
+            with suppress(*UNSOLVED):
                 verdict = search.find()
-            except UNSOLVED:
-                raise NoAnswer(NONE_NEAR, Verdict(advice=SINGULAR)) from None
             if not verdict.arrived:
-                ended = self._ended(search.advance.attempt) if verdict.reached else None
-                raise NoAnswer(NONE_NEAR, verdict, ended)
+                if verdict.reached:
+                    self._ended(search.advance.attempt)
+                raise NoAnswer(NONE_NEAR, verdict)
             self.last, attempt, u = search, self._ended(search.advance.attempt), search.recovery()
             if attempt.model is model:  # and no springs hold it
                 attempt, u = refined(attempt, u, at)
             if not usable(attempt, u):
-                raise NoAnswer(NONE_NEAR, Verdict(advice=SINGULAR))
+                raise NoAnswer(NONE_NEAR, SINGULAR)
             if at.rims is None:
                 break
             # linear problems are symmetric: what turns with the rims of fluids follows from answers
@@ -400,18 +378,24 @@ class NonlinearSearch:
         light = self.stepper.model.with_tangents(there.stiffness)  # condensed only if asked for
         self.recovery = replace(Recovery.of(attempt), model=light, components=None, u=there.u)
         self.advance.attempt = replace(attempt, case=case)
-        self.placed = replace(there, trend=sealed((there.u - self.placed.u) / share))
+        self.placed, self._now = replace(there, trend=sealed((there.u - self.placed.u) / share)), None
 
     def _refused(self, none: NoAnswer, share: float) -> Verdict:
         """Why there is no answer, with the share of the step that was reached."""
         attempt, why, verdict = vars(self.advance).get("attempt"), str(none), none.verdict
-        if verdict is None and self._around:
-            why, verdict = f"{why}; {self._around}", Verdict(advice=CORNERS)
-        elif verdict is None:
-            verdict = Verdict(advice=LOOSE if self._near else NO_DESCENT)
+        if verdict is None:
+            now, advice = self._now, NO_DESCENT
+            if none.attempt is not None and none.attempt.culprit >= 0:
+                advice = CORNERS if at_corners(none.attempt) else NO_DESCENT
+            elif self._led is not None:
+                why, advice = f"{why}; {self._led.failure}", CORNERS
+            elif now is not None and now.most <= SINGLE * now.scale and attempt.good:
+                advice = LOOSE  # near to equilibrium, to half of the digits
+            verdict = Verdict(advice=advice)
         if attempt is not None:
             failed = replace(attempt, failure=why)
-            self._come_to(failed, self.step.target, self._reached or self.placed, 1.0)
+            there = self.placed if self._now is None else self._now.placed
+            self._come_to(failed, self.step.target, there, 1.0)
         carries, before = f"The bodies bear up to {share:.4g} of this step", self.step.before.scale[0]
         if before is not None and (target := self.step.target.factor) is not None:
             carries += f" (a load factor of {before + share * (target - before):.4g})"
@@ -431,8 +415,9 @@ WEAR = (
     "A contact with wear has a body that is not linear: what wears off is not solved together with the "
     "deformation of such bodies. Leave out wear=..., or make the bodies linear."
 )
-SINGULAR = (
-    "The tangents of the bodies and contact are singular together: usually a limit load is reached, "
-    "and the bodies give way without bearing more. Prescribe displacements to go beyond it, or give "
-    "the material hardening; "
+SINGULAR = Verdict(
+    advice="The tangents of the bodies and contact are singular together: usually a limit load is "
+    "reached, and the bodies give way without bearing more. Prescribe displacements to go beyond it, "
+    "or give the material hardening; ",
+    reached=False,
 )

@@ -113,11 +113,11 @@ def holds(attempt: Attempt, u: Array) -> bool:
 
 def remarks(attempt: Attempt, placed: Placed) -> dict[str, str]:
     """Return what is to be said, in words, by what it is about: each is said once in a history."""
-    found = {}
-    if unstable(attempt, placed):
-        found["unstable"] = UNSTABLE
-    names = attempt.model.interface.contacts
-    for i, contact in enumerate(names):
+    found = {"unstable": UNSTABLE} if unstable(attempt, placed) else {}
+    interface = attempt.model.interface
+    for i, (contact, part) in enumerate(zip(interface.contacts, interface.point_slices, strict=True)):
+        if contact.sliding != "small" or not attempt.local.normal_force[part].any():
+            continue
         angle, change = turned(attempt, placed, i), stretched(attempt, placed, i)
         if angle > A_TENTH:
             found[f"turned {i}"] = TURNED.format(contact.name or i + 1, f"turned by {angle:.2g} rad")
@@ -161,19 +161,16 @@ def turned(attempt: Attempt, placed: Placed, i: int) -> float:
 
     Of two bodies one of which may strain and turn by any amount: others have bounds of their own.
     """
-    model = attempt.model
-    system, contact = model.system, model.interface.contacts[i]
+    contact, part = attempt.model.interface.contacts[i], attempt.model.interface.point_slices[i]
     sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
-    part = model.interface.point_slices[i]
-    presses = attempt.local.normal_force[part] != 0
-    follows = contact.sliding != "small" or not any(side.body.finite_strain for side in sides)
-    if follows or len(sides) < 2 or not presses.any():
+    if len(sides) < 2 or not any(side.body.finite_strain for side in sides):
         return 0.0
+    system = attempt.model.system
     try:
         there = pair(contact, moved=[placed.u[system.slice(side.body)] for side in sides])
     except ContactError:  # they are folded over: no normal
         return 0.0
-    both = presses & np.isfinite(there.gap)
+    both = (attempt.local.normal_force[part] != 0) & np.isfinite(there.gap)
     along = np.einsum("id,id->i", there.normal, attempt.problem.kin.normal[part])[both]
     return float(np.max(np.arccos(np.clip(along, -1.0, 1.0)), initial=0.0))
 
@@ -187,8 +184,7 @@ def stretched(attempt: Attempt, placed: Placed, i: int) -> float:
     model = attempt.model
     contact, part = model.interface.contacts[i], model.interface.point_slices[i]
     side, local, laws = contact.secondary, attempt.local, model.interface.laws
-    follows = contact.sliding != "small" or not getattr(side.body, "finite_strain", False)
-    bound = 0.0 if follows or contact.friction is None else friction_bound(laws, local)[part].sum()
+    bound = friction_bound(laws, local)[part].sum() if side.body.finite_strain else 0.0
     if not bound > 0:
         return 0.0
     own = (local.normal_force[part] != 0)[side.facets].any(axis=1)

@@ -29,9 +29,8 @@ from skfem_contact.materials.tensors import (
     first_piola,
     green,
     isotropic,
-    solid,
+    small,
     squared,
-    symmetric,
     unit,
 )
 from skfem_contact.records import dataclass
@@ -81,7 +80,7 @@ class Isotropic(PrintedAsCall, Material):
 
     def _strain(self, H: Array) -> Array:
         """Green's strain, or the small one, (3, 3, ...)."""
-        return green(H) if self.finite_strain else symmetric(solid(H))
+        return green(H) if self.finite_strain else small(H)
 
 
 @with_known_keywords(
@@ -137,7 +136,7 @@ class Elastic(Isotropic):
         temperature : number or ndarray of the shape of the points, optional
             Above that without stress.
         """
-        strain = symmetric(solid(np.asarray(getattr(u, "grad", u), dtype=float)))
+        strain = small(np.asarray(getattr(u, "grad", u), dtype=float))
         thermal = self.expansion * np.asarray(temperature, dtype=float)
         return self.hooke(strain - thermal * unit(strain.ndim - 2))
 
@@ -195,7 +194,7 @@ def _weighed(work: Callable[..., Any], measure: Callable[[Array], Array] | None)
 
 def _strain(u: Any, w: Any, axisymmetric: bool) -> Array:
     """Strain (3, 3, ...) of a field in a form."""
-    strain = symmetric(solid(np.asarray(u.grad)))
+    strain = small(np.asarray(u.grad))
     if axisymmetric:
         strain[2, 2] = np.asarray(u)[0] / w.x[0]
     return strain

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from skfem_contact.arguments import check_switch, number, shown
 from skfem_contact.arrays import Array
 from skfem_contact.errors import InputError
-from skfem_contact.materials.tensors import dilatation, solid, symmetric
+from skfem_contact.materials.tensors import dilatation, small
 
 State = Mapping[str, Array]
 
@@ -214,7 +214,7 @@ class FromFelupe(FromFunction):
         self.parameters = parameters
 
     def __call__(self, H: Array, state: State) -> tuple[Array, Array, State]:
-        strain, d = symmetric(solid(H)), len(H)
+        strain, d = small(H), len(H)
         e, s, *z = (value.swapaxes(-1, -2) for value in state.values())
         increment = strain.swapaxes(-1, -2) - e
         A, stress, new = self.function(increment, e, s, z, tangent=True, **self.parameters)

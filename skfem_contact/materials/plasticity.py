@@ -26,15 +26,7 @@ from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.materials.elastic import Isotropic
 from skfem_contact.materials.material import Split, State, take_numbers
-from skfem_contact.materials.tensors import (
-    deviator,
-    dilatation,
-    isotropic,
-    logarithmic,
-    solid,
-    symmetric,
-    undeformed_axes,
-)
+from skfem_contact.materials.tensors import deviator, isotropic, logarithmic, small, undeformed_axes
 from skfem_contact.records import dataclass
 
 #: Steps at most in the search for a plastic strain: halving alone has all digits after 53.
@@ -141,7 +133,7 @@ class J2(Split, Isotropic):
         """The deviator of the stress at small strains, its derivative, and internal variables."""
         d, mu = len(H), self.shear
         old, p = state["plastic_strain"], state["equivalent_plastic_strain"]
-        xi = 2.0 * mu * deviator(symmetric(solid(H))) - (2.0 * mu + self.kinematic / 1.5) * old
+        xi = 2.0 * mu * deviator(small(H)) - (2.0 * mu + self.kinematic / 1.5) * old
         q = np.sqrt(1.5 * ddot(xi, xi))
         dp = np.zeros_like(q)
         grows = np.zeros_like(q)  # share of q that p takes in further loading
@@ -186,13 +178,12 @@ class J2(Split, Isotropic):
         return 0.5 * k * log**2, k * log / J, k * (1.0 - log) / J**2
 
     def energy(self, H: Array, state: State) -> tuple[Array, Array]:
-        strain = undeformed_axes(H) if self.finite_strain else symmetric(solid(H))
-        strain = strain - state["plastic_strain"]
-        back = self.kinematic / 3.0 * ddot(state["plastic_strain"], state["plastic_strain"])
-        elastic = self.shear * ddot(deviator(strain), deviator(strain))
-        growth = dilatation(H, self.finite_strain)[0]
-        work = self._work(state["equivalent_plastic_strain"])
-        return elastic + back + self.volumetric(growth)[0], work
+        plastic = state["plastic_strain"]
+        elastic = (undeformed_axes(H) if self.finite_strain else small(H)) - plastic
+        stored = 0.5 * ddot(self.hooke(elastic), elastic) + self.kinematic / 3.0 * ddot(
+            plastic, plastic
+        )
+        return stored, self._work(state["equivalent_plastic_strain"])
 
     def _work(self, p: Array) -> Array:
         """Work that isotropic hardening takes until p, the integral of Y; of functions by Gauss."""

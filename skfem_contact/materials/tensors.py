@@ -47,8 +47,9 @@ def unit(points: Any) -> Array:
     return np.eye(3).reshape(3, 3, *[1] * points)
 
 
-def symmetric(H: Array) -> Array:
-    """Return the symmetric part."""
+def small(H: Array) -> Array:
+    """Return the small strain (3, 3, ...) of a displacement gradient (d, d, ...)."""
+    H = solid(H)
     return 0.5 * (H + H.swapaxes(0, 1))
 
 
@@ -75,7 +76,7 @@ def green(H: Array) -> Array:
 
     Without the 1, of whose round-off strains are far from where a body yields.
     """
-    return symmetric(solid(H)) + 0.5 * squared(solid(H))
+    return small(H) + 0.5 * squared(solid(H))
 
 
 def squared(F: Array) -> Array:
