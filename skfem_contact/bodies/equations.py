@@ -140,10 +140,10 @@ class Gradients:
         out.has_canonical_format = True
         return out
 
-    def scattered(self, f: Array) -> Array:
-        """The vector (n,) of all element vectors (k d, e)."""
-        dofs = self.basis.element_dofs.ravel()
-        return np.asarray(np.bincount(dofs, f.ravel(), minlength=self.basis.N), dtype=float)
+
+def scattered(f: Array, basis: Any) -> Array:
+    """The vector (n,) of all element vectors (k d, e)."""
+    return np.bincount(basis.element_dofs.ravel(), f.ravel(), minlength=basis.N).astype(float)
 
 
 class Continuum:
@@ -179,7 +179,7 @@ class Continuum:
             K[..., some] = Ke
             for name, value in after.items():
                 new[name][..., some, :] = value
-        return Linearized(sealed_matrix(on.summed(K)), on.scattered(f), new)
+        return Linearized(sealed_matrix(on.summed(K)), scattered(f, on.basis), new)
 
     def stress(self, u: Array, state: State) -> Array:
         """Cauchy's stress (3, 3, e, q), by internal variables of before or after the step."""

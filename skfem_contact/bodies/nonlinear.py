@@ -15,7 +15,7 @@ from skfem.assembly import BilinearForm, CellBasis, LinearForm
 from skfem_contact.arguments import check_switch, numbers, shown, with_known_keywords
 from skfem_contact.arrays import Array, check_finite
 from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.equations import Continuum, Differentiated, Forms, Gradients
+from skfem_contact.bodies.equations import Continuum, Differentiated, Forms, Gradients, scattered
 from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points, load_of
 from skfem_contact.bodies.member import Linearized, State
 from skfem_contact.bodies.quadrature import LINEAR, scalar_element
@@ -203,8 +203,7 @@ class NonlinearBody(Body):
         InputError
             If what the body is given by does not tell its energy.
         """
-        found: tuple[float, float] = self._asked("energy", u, state)
-        return found
+        return self._asked("energy", u, state)
 
     def stress(self, u: ArrayLike, state: State | None = None) -> Array:
         """Cauchy's stress at points of integration.
@@ -309,8 +308,7 @@ class NonlinearBody(Body):
         slope = -np.einsum("aifq,bifq->abf", v, weight * J * (grows - turns)[:, :d], optimize=True)
         rows, columns = np.broadcast_arrays(on.element_dofs[:, None], on.element_dofs)
         K = csr_matrix((slope.ravel(), (rows.ravel(), columns.ravel())), shape=(self.n, self.n))
-        f = np.bincount(on.element_dofs.ravel(), load.ravel(), minlength=self.n)
-        return np.asarray(f, dtype=float), K
+        return scattered(load, on), K
 
     def _displacements(self, u: Any) -> Array:
         return load_of(u, self.basis, "u, which has to be as result.displacement(body),")

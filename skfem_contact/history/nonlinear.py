@@ -302,7 +302,7 @@ class NonlinearSearch:
             few = replace(by, options=replace(by.options, max_iterations=CONTACT_ITERATIONS))
             problem = model.problem_on(*(step.pairing or (None, None)))
             with suppress(*UNSOLVED):  # exactly, then
-                attempt = few.attempt(step, problem, "cold" if step.known is None else "warm")
+                attempt = few.attempt(step, problem, "warm")
                 if np.isfinite(attempt.outcome.iterate.residual):
                     attempt, u = refined(attempt, Recovery.of(attempt)(), at)
                     if usable(attempt, u):
@@ -312,11 +312,11 @@ class NonlinearSearch:
             search, verdict = EquilibriumSearch(by, step, self.start), SINGULAR
             with suppress(*UNSOLVED):
                 verdict = search.find()
+            if verdict.reached:
+                attempt = self._ended(search.advance.attempt)
             if not verdict.arrived:
-                if verdict.reached:
-                    self._ended(search.advance.attempt)
                 raise NoAnswer(NONE_NEAR, verdict)
-            self.last, attempt, u = search, self._ended(search.advance.attempt), search.recovery()
+            self.last, u = search, search.recovery()
             if attempt.model is model:  # and no springs hold it
                 attempt, u = refined(attempt, u, at)
             if not usable(attempt, u):
@@ -394,8 +394,7 @@ class NonlinearSearch:
             verdict = Verdict(advice=advice)
         if attempt is not None:
             failed = replace(attempt, failure=why)
-            there = self.placed if self._now is None else self._now.placed
-            self._come_to(failed, self.step.target, there, 1.0)
+            self._come_to(failed, self.step.target, (self._now or self).placed, 1.0)
         carries, before = f"The bodies bear up to {share:.4g} of this step", self.step.before.scale[0]
         if before is not None and (target := self.step.target.factor) is not None:
             carries += f" (a load factor of {before + share * (target - before):.4g})"

@@ -165,19 +165,14 @@ class StepReader:
 
     def _fluid(self, given: Any, before: Mapping[int, Array]) -> Mapping[int, Array]:
         """The pressures of fluids after a step that names loads, which have been read."""
-        if given is None or not isinstance(given, Mapping):
+        if not isinstance(given, Mapping):
             return before if given is None else {}
-        fluid = dict(before)
+        fluid: dict[int, Any] = dict(before)
         for name, value in given.items():
             i = self.system.index(name)
-            fluid.pop(i, None)
-            if isinstance(value, Mapping):
-                pressures = self.system.bodies[i].fluid(value)
-            else:  # a factor on the body's own, or a vector
-                pressures = self._times(value).get(i) if np.ndim(value) == 0 else None
-            if pressures is not None:
-                fluid[i] = pressures
-        return fluid
+            factor = np.ndim(value) == 0 and not isinstance(value, Mapping)  # on the body's own
+            fluid[i] = self._times(value).get(i) if factor else self.system.bodies[i].fluid(value)
+        return {i: pressures for i, pressures in fluid.items() if pressures is not None}
 
     def vector(self, what: str, given: Any, before: Array, own: Array) -> Array:
         """A stacked vector from a dict by body name, a stacked vector, or None."""
