@@ -65,6 +65,26 @@ def test_pressure_and_friction_are_by_the_deformed_area(partner: str) -> None:
     np.testing.assert_allclose(values.pressure @ values.area, abs(values.force[1]), rtol=1e-9)
 
 
+def test_areas_that_have_not_settled_are_called_areas() -> None:
+    """Rubber under a lid, stopped as soon as forces balance: partners stay, and its face is longer."""
+    grid = np.linspace(0, 10, 5)
+    mesh = fem.MeshQuad.init_tensor(grid, grid).with_defaults()
+    rubber = sc.NonlinearBody.from_mesh(
+        mesh,
+        fem.ElementVector(fem.ElementQuad1()),
+        sc.materials.MooneyRivlin(0.5, 0.0, bulk=1000.0),
+        D=lambda b: np.concatenate([b.get_dofs("bottom").all("u^2"), b.get_dofs("left").all("u^1")]),
+    )
+    lid = sc.RigidPlane((0, 10), (0, -1), name="lid")
+    contact = sc.Contact(rubber.surface("top"), lid, sliding="finite", name="top")
+    options = sc.Options(max_travel=np.inf, max_placements=3, max_cuts=0)
+    with pytest.raises(sc.errors.NotConverged) as error:
+        sc.ContactSolver(rubber, contact, options=options).solve(motion={"lid": (0.0, -1.0)})
+    words = str(error.value)
+    assert "of contact 'top'" in words and "bears its force on another area" in words
+    assert "partner" not in words and "corners" not in words
+
+
 ELEMENTS = {
     "quad1": (fem.MeshQuad, fem.ElementQuad1),
     "quad2": (fem.MeshQuad, fem.ElementQuad2),

@@ -389,7 +389,7 @@ class NonlinearSearch:
                 advice = CORNERS if at_corners(none.attempt) else NO_DESCENT
             elif self._led is not None:
                 why, advice = f"{why}; {self._led.failure}", CORNERS
-            elif now is not None and now.most <= SINGLE * now.scale and attempt.good:
+            elif attempt and now and attempt.good and now.most <= SINGLE * now.scale:
                 advice = LOOSE  # near to equilibrium, to half of the digits
             verdict = Verdict(advice=advice)
         if attempt is not None:
