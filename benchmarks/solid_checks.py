@@ -577,9 +577,7 @@ class Court:
         """Unit normals of a rigid obstacle at points near it; finite sliding turns them with it."""
         kind, point, form = c.obstacle
         if a is not None and self.s.finite and c.name in a.motions:
-            way, turn, centre = a.motions[c.name]
-            R = Rotation.from_rotvec(turn).as_matrix()
-            return self.obstacle_normals(c, (x - way - centre) @ R + centre) @ R.T
+            return self.obstacle_normals(c, self.still(c, x, a)) @ self.turned(c, a, None).T
         if kind == "plane":
             return np.tile(self.s.R @ np.array(form, dtype=float), (len(x), 1))
         d = x - self.s.at(point)
@@ -587,6 +585,33 @@ class Court:
             axis = self.s.R @ np.array([0.0, 1.0, 0.0])
             d = d - (d @ axis)[:, None] * axis
         return d / np.linalg.norm(d, axis=1, keepdims=True)
+
+    def turned(self, c: ContactSpec, a: Answer, before: Answer | None) -> np.ndarray:
+        """The rotation (3, 3) of an obstacle from one answer to another, where it slides far."""
+        if not self.s.finite or c.name not in a.motions:
+            return np.eye(3)
+        now, then = (
+            Rotation.identity() if q is None else Rotation.from_rotvec(q.motions[c.name][1])
+            for q in (a, before)
+        )
+        return np.asarray((now * then.inv()).as_matrix())
+
+    def spun(self, c: ContactSpec, a: Answer, before: Answer | None) -> float:
+        """The angle of that rotation."""
+        return float(np.linalg.norm(Rotation.from_matrix(self.turned(c, a, before)).as_rotvec()))
+
+    def still(self, c: ContactSpec, x: np.ndarray, a: Answer) -> np.ndarray:
+        """Where points (p, 3) are, seen from an obstacle that slides far, in the axes it began with."""
+        way, _, centre = a.motions[c.name]
+        return (x - way - centre) @ self.turned(c, a, None) + centre
+
+    def seen(self, c: ContactSpec, nodes: np.ndarray, a: Answer | None) -> np.ndarray:
+        """Where nodes of the secondary are, seen from there; without an answer where they began."""
+        name = c.secondary[0]
+        x = self.made[name].basis.mesh.p[:, nodes].T
+        if a is None:
+            return x
+        return self.still(c, x + a.u[name][self.made[name].basis.nodal_dofs[:, nodes].T], a)
 
     def carried(self, c: ContactSpec, x: np.ndarray, a: Answer) -> np.ndarray:
         """How far an obstacle has moved points (p, 3) that are on it."""

@@ -203,14 +203,15 @@ def rubbing(
     R0 = None
     if before is not None:
         R0 = court.residual(k - 1, name, before.u[name])[0]
-        tau = R0[p.dofs] - np.sum(R0[p.dofs] * p.normal, axis=1)[:, None] * p.normal
+        then = R0[p.dofs] @ court.turned(c, a, before).T  # friction turns with a tool
+        tau = then - np.sum(then * p.normal, axis=1)[:, None] * p.normal
         tau = on_circle(court.s, c, p.normal, tau, -1)
     if c.G is not None:  # friction is a spring up to its bound: what its force changes by is no sliding
         G = c.G * court.made[name].spec.E * court.s.unit * court.s.size
         ds = ds + (Ft - tau) / G
         # normals turn between the steps, and the normal force of then has a part along today's surface
         then = 0.0 if R0 is None else np.linalg.norm(R0[p.dofs], axis=1)
-        allowed = allowed + (slack + p.off * then) / G
+        allowed = allowed + (slack + (p.off + court.spun(c, a, before)) * then) / G
     way = np.linalg.norm(ds, axis=1)
     bears = np.maximum(most * LOADED, 10 * slack) < N
     note(
@@ -248,13 +249,21 @@ def increments(
         _, vary, across = p.slip(du)
         ds = now - then
         moved = max(moved, *(float(np.abs(u).max()) for u in before.u.values()))
-    if c.name in a.motions:
+    spun, off = 0.0, p.off
+    if c.name in a.motions and court.s.finite:  # in the axes of the tool, as they are turned now
+        jump = court.seen(c, p.nodes, a) - court.seen(c, p.nodes, before)
+        jump = jump @ court.turned(c, a, None).T
+        across = np.abs(np.sum(jump * p.normal, axis=1))
+        ds = jump - np.sum(jump * p.normal, axis=1)[:, None] * p.normal
+        off = off + court.spun(
+            c, a, before
+        )  # it turns on the way, and friction with it or with the body
+    elif c.name in a.motions:
         x = court.placed[c.secondary[0]].basis.mesh.p[:, p.nodes].T
         ds = ds - court.carried(c, x, a)
         ds += 0.0 if before is None else court.carried(c, x, before)
         ds -= np.sum(ds * p.normal, axis=1)[:, None] * p.normal
-    spun = 0.0
-    if c.name in a.motions:  # arms of a tool's turn end at its surface, or at the node across the gap
+        # arms of its turn end at its surface, or at the node across the gap
         turns = [answer.motions[c.name][1] for answer in (a, before) if answer is not None]
         spun = sum(np.linalg.norm(turn) for turn in turns) * np.abs(court.distance(c, x))
     far = np.linalg.norm(ds, axis=1)
@@ -265,7 +274,7 @@ def increments(
         # on warped faces feet across a gap are known to the angle of the normals
         gap = np.abs(court.gap0(c)).max(initial=0.0) + c.interference * court.s.size
         spun += p.off * float(gap) / two.h * float(np.ptp(two.displaced(u), axis=0).max())
-    allowed = SAMPLED * vary + 2 * p.off * (far + across) + MOVED * moved + court.settled * far + spun
+    allowed = SAMPLED * vary + 2 * off * (far + across) + MOVED * moved + court.settled * far + spun
     return ds, allowed
 
 

@@ -491,3 +491,45 @@ def test_the_proximal_point_answers_in_the_plane(friction: Any, seed: int) -> No
     problem = friction.Problem("grains", csr_matrix(W), q, np.full(len(q), mu))
     r, _, way = friction.newton(problem)
     assert way == "proximal" and problem.error(r) < 1e-9
+
+
+@pytest.fixture
+def judges(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The judges from outside, in the plane and of solids."""
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    before = set(sys.modules)
+    yield import_module("judge"), import_module("judge_solids")
+    for name in set(sys.modules) - before:
+        if name.startswith(("judge", "solid_")):
+            sys.modules.pop(name)
+
+
+def test_forces_that_are_round_off_are_no_two_answers(judges: Any) -> None:
+    """A wedge with an angle of .0531 under friction of .05 slides out: no force, by either route.
+
+    Round-off of its balance is divided by the .003 between the two, and differs from route to route.
+    What moves is compared all the same.
+    """
+    judge, _ = judges
+    verdict = judge.judge(77119)
+    assert verdict.kind == "not judged" and verdict.permuted == "agree"
+    scene = judge.scene(77119)
+    court = judge.Court(scene, judge.make(scene))
+    one, _ = judge.run(scene, court.made).answers
+    for name in ("body1", "body2"):  # a slide of the wedge, and a real force
+        u = one.u | {name: one.u[name] * 1.01}
+        assert judge.difference(court, 0, one, replace(one, u=u), 1e-3) > judge.SAME
+
+
+@pytest.mark.slow
+def test_a_tool_that_turns_carries_the_axes_of_slip(judges: Any) -> None:
+    """Where a floor on springs turns by 1e-4, sticking is measured in its axes, and seen to 1e-6."""
+    _, judge = judges
+    scene = judge.scene(51001)
+    court = judge.Court(scene, made := judge.make(scene))
+    answers = judge.run(scene, made=made).answers
+    assert not judge.examine(court, answers)
+    way = np.zeros_like(answers[1].u["body0"])
+    way[import_module("solid_scenes").components(made["body0"].basis)[0]] = 1e-6
+    slid = replace(answers[1], u=answers[1].u | {"body0": answers[1].u["body0"] + way})
+    assert "stick" in {f.check for f in judge.examine(court, [answers[0], slid])}
