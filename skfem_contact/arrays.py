@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_matrix, csr_matrix
 
 from skfem_contact.arguments import check_unmasked, shown
+from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 
 #: Of numbers, of numbers of nodes and the like, and of what is chosen among them.
@@ -73,6 +74,16 @@ def largest(values: NDArray[np.float64]) -> float:
     """
     found = float(values.item(values.argmax())) if values.size else 0.0
     return 0.0 if found < 0.0 else found
+
+
+def first_largest(values: NDArray[np.float64]) -> int:
+    """Number of the first of the largest: of places that symmetry makes alike, round-off chooses none.
+
+    >>> first_largest(np.array([1.0, 3.0, 3.0 + 1e-12]))
+    1
+    """
+    most = values.max()
+    return int(np.argmax(values >= most - SOLVED * abs(most)))
 
 
 def off_segments(points: Array, start: Array, along: Array) -> Array:

@@ -448,7 +448,8 @@ def test_a_file_of_friction_is_read_and_solved(friction: Any, blocks: bool, tmp_
     np.testing.assert_array_equal(problem.W.toarray(), W)
     r, _, way = friction.newton(problem)
     assert way in ("cold", "proximal") and problem.error(r) < 1e-10
-    assert np.all(np.linalg.norm(r[:, 1:], axis=1) <= 0.3 * r[:, 0] + 1e-12) and r[:, 0].max() > 0
+    left = 1e-10 * r[:, 0].max()  # the loop ends at this share of the largest force
+    assert np.all(np.linalg.norm(r[:, 1:], axis=1) <= 0.3 * r[:, 0] + left) and left > 0
     other, _ = friction.gauss_seidel(problem.W, q, problem.mu, problem.error, 1e-6, 20.0)
     assert problem.error(other) <= 1e-6
     # what forces do to the block is the same, whatever they are

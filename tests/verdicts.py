@@ -49,9 +49,12 @@ def verdict(result: sc.answers.ContactResult) -> str:
 
 
 def _rounded(place: str) -> str:
-    """Coordinates to two digits; what is next to zero is zero."""
+    """Coordinates to two digits; what is next to zero is zero, and so is round-off of lengths of one.
+
+    The smallest scenes are some 1e-12 long.
+    """
     values = [float(value) for value in place.split(",")]
-    largest = max(map(abs, values))
+    largest = max(*map(abs, values), 1e-12)
     return ", ".join(f"{0.0 if abs(v) < 1e-3 * largest else v:.2g}" for v in values)
 
 

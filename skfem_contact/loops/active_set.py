@@ -383,17 +383,13 @@ class Projection:
         slip_scale = self.slip_scale
         allowed = max(step.noise, tolerance * scale)
         known = NO_VIOLATION * np.maximum(rho.normal * self.gap_scale, rho.tangential * slip_scale)
-        # a status that round-off would change is kept, see `proposal`: what is closed may pull by that
-        # much, and what is stuck pass its bound
-        kept = np.where(current.status == OPEN, allowed, max(allowed, self.nothing))
-        wrong = normal > np.maximum(known, kept)
+        wrong = normal > np.maximum(known, allowed)
         if not step.all_exact:
             known = np.maximum(known, trial_round_off(step, response))
             sticks = (current.status == STICK) & step.frictional & ~step.exact
             bound = step.friction.bound(response.normal_force, response.slip)
             wrong |= sticks & (lengths(response.tangential_force) - bound > allowed)
-        kept = np.where(step.exact & (current.status == STICK), kept, allowed)
-        wrong |= tangential > np.maximum(known, kept)
+        wrong |= tangential > np.maximum(known, allowed)
         left = np.maximum(normal, tangential)
         if scale <= step.noise:
             return wrong, 0.0

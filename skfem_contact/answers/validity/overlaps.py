@@ -36,7 +36,7 @@ from skfem_contact.answers.validity.deformed_boundaries import (
 from skfem_contact.answers.validity.support import Extrapolation
 from skfem_contact.answers.validity.track import ContactWatch, signed_distance
 from skfem_contact.answers.validity.validity import A_TENTH, OVERLAP, SAGITTA, Crossing, Drift, Meeting
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, first_largest
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
@@ -239,7 +239,7 @@ def between(result: Answer, i: int, secondary: Boundary, primary: Boundary) -> M
     # with an interference bodies may overlap before their meshes do: this shows at the nodes
     true = np.full(len(nodes), np.inf)
     true[paired] = primary.signed(nodes[paired]) + added[paired]
-    deepest = int(np.argmin(true))
+    deepest = first_largest(-true)
     best = Meeting(0.0, chords=sum(chords))
     if true[deepest] < -noise:
         best = Meeting(-float(true[deepest]), chords=chords[1], place=nodes[deepest])
@@ -252,7 +252,7 @@ def between(result: Answer, i: int, secondary: Boundary, primary: Boundary) -> M
             depth = less_added(depth, points, nodes[paired], added[paired])
             beyond = float(np.max(depth, initial=0.0)) - explained
             if len(points) and depth.max() > 0 and beyond > best.overlap - best.chords:
-                worst = int(np.argmax(depth))
+                worst = first_largest(depth)
                 best = Meeting(float(depth[worst]), 0, 0.0, explained, points[worst], k)
     lonely = primary.depth(nodes[~paired]) > max(sum(chords), noise)
     opening = float(np.max(true[result.closed(i)], initial=0.0))
@@ -287,7 +287,7 @@ def at_obstacle(result: Answer, i: int, body: Callable[[], Boundary]) -> Meeting
     if not len(inside):
         return found
     depth = depth[inside] - added[Tree(nodes).nearest(corners[inside])]
-    k = int(np.argmax(depth))
+    k = first_largest(depth)
     if depth[k] - chords <= max(found.overlap - found.chords, 0.0):
         return found
     return replace(found, overlap=float(depth[k]), chords=chords, place=corners[inside[k]], side=1)
@@ -321,7 +321,7 @@ def crossing(
     if not len(depth):
         return None
     depth = less_added(depth, place, points[0], added)
-    i, count = int(np.argmax(depth)), int(np.count_nonzero(depth > max(noise, OVERLAP * approach)))
+    i, count = first_largest(depth), int(np.count_nonzero(depth > max(noise, OVERLAP * approach)))
     return Crossing(count, float(depth[i]), place[i], across[i])
 
 
@@ -430,7 +430,7 @@ def pierced(surface: ContactSurface, bend: Array, gap: Array) -> tuple[float, Ar
         return None
     a, b, rise, chords = a[between], b[between], rise[between], chords[between]
     depth = rise / 8 - 0.5 * (a + b) + 0.5 * (a - b) ** 2 / rise
-    worst = int(np.argmax(depth))
+    worst = first_largest(depth)
     if depth[worst] <= SAGITTA * rise[worst] / 8:
         return None
     part = 0.5 + (a[worst] - b[worst]) / rise[worst]
