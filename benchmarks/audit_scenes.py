@@ -404,7 +404,7 @@ ROWS = (
         "mortar",
         "node",
         mortar,
-        ("pairing/mortar:", "pairing/segmentation:", "pairing/dual:"),
+        ("pairing/mortar:", "pairing/segmentation:", "pairing/dual:dual_basis"),
     ),
     Row(
         "moving pairing",
