@@ -10,6 +10,7 @@ import copy
 import pickle
 import sys
 import threading
+import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -21,6 +22,7 @@ import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_elasticity import linear_elasticity
 from scipy.linalg import lapack
+from skfem.mapping import MappingAffine
 from skfem.models.elasticity import lame_parameters
 from threadpoolctl import threadpool_info, threadpool_limits
 
@@ -286,6 +288,32 @@ def test_variants_for_other_loads():
 
     found = at_once(lambda f: solved(f, solver), list(loads))
     assert_same(found, [solved(f, lonely) for f in loads])
+
+
+def triangles():
+    """A block of triangles on a floor, pressed down."""
+    mesh = fem.MeshTri.init_tensor(np.linspace(-1, 1, 9), np.linspace(0, 1, 5)).with_defaults()
+    body = block(mesh, fem.ElementTriP1(), D="top", x={"top": (0.0, -0.01)}, name="block")
+    floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+    return sc.ContactSolver(body, sc.Contact(body.surface("bottom"), floor, friction=sc.Coulomb(0.3)))
+
+
+def test_tractions_are_read_by_all_threads_at_once(monkeypatch):
+    """What a mapping of scikit-fem makes at its first use is seen by no thread before it is whole."""
+    whole = MappingAffine._init_boundary_mapping
+
+    def held_up(mapping):
+        shape = mapping.mesh.facets.shape[1]
+        mapping._B, mapping._c, mapping._detB = (np.zeros((*d, shape)) for d in ((2, 1), (2,), ()))
+        time.sleep(0.05)
+        whole(mapping)
+
+    steps = [{"f": {"block": {"right": (1e-4 * k, 0.0)}}} for k in range(THREADS)]
+    lonely = triangles()
+    expected = [lonely.solve(**step) for step in steps]
+    monkeypatch.setattr(MappingAffine, "_init_boundary_mapping", held_up)
+    solver = triangles()
+    assert_same(at_once(lambda step: solver.solve(**step), steps), expected)
 
 
 # -- what is made once --------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from skfem.assembly import CellBasis
 from skfem.assembly.basis.abstract_basis import AbstractBasis
 
 from skfem_contact.arrays import Array, Index, runs
+from skfem_contact.records import Lock
 
 #: Elements of degree one; the others are of degree two.
 LINEAR = (
@@ -25,6 +26,17 @@ LINEAR = (
     skfem.ElementTetP1,
     skfem.ElementHex1,
 )
+
+
+# Mappings of scikit-fem make their arrays at the first use and fill them one component after the other:
+# a thread that asked meanwhile would integrate over what is not there yet.
+_MAPPED = Lock()
+
+
+def on_boundary(basis: Any, facets: Any) -> Any:
+    """The basis on facets, as `skfem.CellBasis.boundary` makes it; threads make theirs in turn."""
+    with _MAPPED:
+        return basis.boundary(facets)
 
 
 class DeferredBasis(CellBasis):

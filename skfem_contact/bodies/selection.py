@@ -20,6 +20,7 @@ from skfem_contact.arrays import Array, Index, Mask, sizes
 from skfem_contact.bodies.facet_kinds import FacetKind, area_elements, area_vectors, node_positions
 from skfem_contact.bodies.inputs import facets_named
 from skfem_contact.bodies.member import Member
+from skfem_contact.bodies.quadrature import on_boundary
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError, warn
 from skfem_contact.trees import pairs_within
@@ -329,7 +330,7 @@ def tractions(
         place = f"{what} on boundary {name!r}"
         stress = _components(value, basis, place, "a traction [stress]", False, pressure=True)
         check_not_lost(stress, basis, name, place)
-        load += _form(stress, measure).assemble(basis.boundary(name))
+        load += _form(stress, measure).assemble(on_boundary(basis, name))
     return load
 
 
