@@ -63,6 +63,37 @@ def test_a_pressure_all_round_is_what_a_change_of_volume_feels(element, measure)
     assert_allclose(body.f, expected, atol=1e-13 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("measure", [None, lambda x: 2 * np.pi * x[0]], ids=["plane", "axisymmetric"])
+def test_tractions_that_vary_are_functions_of_the_position(measure):
+    """A fluid stands at a wall of height 1: half of its weight pushes, at a third of the height."""
+    body = body_of("Q2", f={"right": lambda x: 3.0 * (1 - x[1])}, measure=measure)
+    width = 1.0 if measure is None else 4 * np.pi
+    push, x = body.f[body.dof_component == 0], body.dof_points[body.dof_component == 0]
+    assert_allclose([push.sum(), push @ x[:, 1]], [-1.5 * width, -0.5 * width], rtol=1e-13)
+    assert np.all(body.f[body.dof_component == 1] == 0)
+    ways = [
+        lambda x: (3.0 * (x[1] - 1), 0.0),
+        lambda x: [3.0 * (x[1] - 1), 0 * x[1]],
+        lambda x: np.array([3.0 * (x[1] - 1), 0 * x[1]]),
+    ]
+    for way in ways:
+        assert_allclose(body.load({"right": way}, "f"), body.f, atol=1e-15 * np.abs(body.f).max())
+
+
+@pytest.mark.parametrize(
+    "function, message",
+    [
+        (lambda x: x[0][:, :1], r"has the shapes .* one for a pressure"),
+        (lambda x: (x[0], x[0], x[0]), r"return 2 numbers for each position"),
+        (lambda x: None, "not made of real numbers"),
+        (lambda x: np.nan * x[0], "NaN"),
+    ],
+)
+def test_functions_of_tractions_that_return_something_else(function, message):
+    with pytest.raises(sc.errors.InputError, match=message):
+        body_of(f={"right": function})
+
+
 def test_a_flux_of_a_scalar_field_is_a_number():
     """One number per boundary, into the body; and one prescribed value."""
     mesh = fem.MeshQuad().refined(2).with_defaults()

@@ -252,5 +252,4 @@ def test_what_is_refused() -> None:
     linear = sc.NonlinearBody(body.basis, sc.Elastic(1.0, 0.3), f={"right": 1.0})
     assert linear.pressures is None
     assert_allclose(linear.f, sc.Body(body.basis, sc.Elastic(1.0, 0.3), f={"right": 1.0}).f, rtol=0)
-    with pytest.raises(sc.errors.InputError, match="traction"):
-        linear.load({"right": lambda x: x[0]}, "f")
+    assert_allclose(linear.load({"right": lambda x: 1.0 + 0 * x[0]}, "f"), linear.f, rtol=0, atol=1e-15)

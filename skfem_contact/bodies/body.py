@@ -69,9 +69,10 @@ class Body(Meshed):
         added to it.
     f : ndarray, shape (n,), or LinearForm, or dict by boundary name, optional
         Load [force]; zero if not given. A form is integrated over the volume of `basis`. A dict
-        gives uniform tractions on boundaries, ``{"top": (0.0, -5.0)}``, in global axes [stress], or
-        a pressure, ``{"bore": 5.0}``, which presses along the normals of the undeformed mesh;
-        assemble other loads on a boundary with a `FacetBasis` and pass the vector.
+        gives tractions on boundaries, ``{"top": (0.0, -5.0)}``, in global axes [stress], or a
+        pressure, ``{"bore": 5.0}``, which presses along the normals of the undeformed mesh, or a
+        function of the component-first position that returns one of these,
+        ``{"wall": lambda x: rho * g * (h - x[1])}``.
     D : (list of) boundary names, dict by boundary name, ndarray, DofsView, or callable, optional
         Prescribed DOFs. A boundary name stands for all components, a dict names them,
         ``{"left": "x", "base": ("x", "z")}``. All that `skfem.condense` takes is taken, and a function

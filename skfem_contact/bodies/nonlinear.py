@@ -18,7 +18,7 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.equations import Continuum, Differentiated, Forms, Gradients, scattered
 from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points, load_of
 from skfem_contact.bodies.member import Linearized, State
-from skfem_contact.bodies.quadrature import LINEAR, on_boundary, scalar_element
+from skfem_contact.bodies.quadrature import LINEAR, boundary_basis, scalar_element
 from skfem_contact.bodies.selection import boundary_dofs, check_not_lost
 from skfem_contact.errors import InputError, warn
 from skfem_contact.materials.material import FromFunction, Material, Split
@@ -291,7 +291,7 @@ class NonlinearBody(Body):
         """
         if not pressures.any():  # a load that was taken back
             return np.zeros(self.n), csr_matrix((self.n, self.n))
-        on, d = on_boundary(self.basis, np.flatnonzero(pressures)), self.dim
+        on, d = boundary_basis(self.basis, np.flatnonzero(pressures)), self.dim
         weight, x = on.dx * pressures[on.find][:, None], np.asarray(on.global_coordinates())
         if self.measure is not None:
             weight = weight * self.measure(x)

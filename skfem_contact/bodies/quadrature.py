@@ -33,7 +33,7 @@ LINEAR = (
 _MAPPED = Lock()
 
 
-def on_boundary(basis: Any, facets: Any) -> Any:
+def boundary_basis(basis: Any, facets: Any) -> Any:
     """The basis on facets, as `skfem.CellBasis.boundary` makes it; threads make theirs in turn."""
     with _MAPPED:
         return basis.boundary(facets)

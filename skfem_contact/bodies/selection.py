@@ -6,6 +6,7 @@ Facets are seen from outside of their body, and have a length or an area.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,12 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 from skfem.assembly import DofsView
 
-from skfem_contact.arguments import number, shown
-from skfem_contact.arrays import Array, Index, Mask, sizes
+from skfem_contact.arguments import number, numbers, shown
+from skfem_contact.arrays import Array, Index, Mask, check_finite, sizes
 from skfem_contact.bodies.facet_kinds import FacetKind, area_elements, area_vectors, node_positions
 from skfem_contact.bodies.inputs import facets_named
 from skfem_contact.bodies.member import Member
-from skfem_contact.bodies.quadrature import on_boundary
+from skfem_contact.bodies.quadrature import boundary_basis
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError, warn
 from skfem_contact.trees import pairs_within
@@ -299,14 +300,14 @@ def tractions(
     measure: Callable[[Array], Array] | None,
     what: str,
 ) -> Array:
-    """The load of uniform tractions on boundaries, shape (n,) [force].
+    """The load of tractions on boundaries, shape (n,) [force].
 
     Parameters
     ----------
     given : dict
         By name of a boundary a traction of d numbers, in global axes [stress]; or one number, a
-        pressure against the outward normal; of a scalar field the flux into the body. What several
-        boundaries carry is added.
+        pressure against the outward normal; of a scalar field the flux into the body; or a function
+        of the position that returns one of these. What several boundaries carry is added.
     basis : skfem.CellBasis
     measure : callable or None
         Weight of the area, as in `Body`.
@@ -328,9 +329,12 @@ def tractions(
     for name, value in given.items():
         boundary_dofs(basis, name, what)
         place = f"{what} on boundary {name!r}"
-        stress = _components(value, basis, place, "a traction [stress]", False, pressure=True)
-        check_not_lost(stress, basis, name, place)
-        load += _form(stress, measure).assemble(on_boundary(basis, name))
+        stress: Any = partial(_at, value, place)
+        if not callable(value):
+            stress = _components(value, basis, place, "a traction [stress]", False, pressure=True)
+        check_not_lost([stress] if callable(value) else stress, basis, name, place)
+        if len(basis.mesh.boundaries[name]):
+            load += _form(stress, measure).assemble(boundary_basis(basis, name))
     return load
 
 
@@ -343,8 +347,23 @@ def check_not_lost(values: list[Any], basis: Any, name: str, place: str) -> None
         )
 
 
-def _form(stress: list[Any], measure: Callable[[Array], Array] | None) -> skfem.LinearForm:
+def _at(function: Callable[[Array], Any], place: str, x: Array) -> list[Array]:
+    """What a user's function says of the traction at positions x (d, nf, q): d components, or one."""
+    usage = f"it must return {len(x)} numbers for each position, or one for a pressure"
+    given, what = function(x), f"{place}: what the function returned"
+    parts = given if isinstance(given, list | tuple) or np.ndim(given) == x.ndim else [given]
+    found = [numbers(part, what, usage) for part in parts]
+    if len(found) not in (1, len(x)) or any(part.shape not in ((), x.shape[1:]) for part in found):
+        shapes = ", ".join(str(part.shape) for part in found)
+        raise InputError(f"{what} has the shapes {shapes} for positions of shape {x.shape}; {usage}")
+    for part in found:
+        check_finite(np.ravel(part), what, "position")
+    return found
+
+
+def _form(given: Any, measure: Callable[[Array], Array] | None) -> skfem.LinearForm:
     def power(v: Any, w: Any) -> Any:
+        stress = given(np.asarray(w.x)) if callable(given) else given
         if v.ndim > 2 and len(stress) == 1:  # a pressure
             density = -stress[0] * sum(w.n[k] * part for k, part in enumerate(v))
         else:
