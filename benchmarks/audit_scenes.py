@@ -339,9 +339,9 @@ ROWS = (
         "no friction",
         friction,
         (
-            "conditions/friction:limit",
-            "conditions/friction:slope",
-            "loops/step:_slipping",
+            "conditions/friction_rule:bound",
+            "conditions/friction_rule:slope",
+            "loops/active_set:_slipping",
         ),
         tangential,
     ),

@@ -255,9 +255,13 @@ def increments(
         jump = jump @ court.turned(c, a, None).T
         across = np.abs(np.sum(jump * p.normal, axis=1))
         ds = jump - np.sum(jump * p.normal, axis=1)[:, None] * p.normal
-        off = off + court.spun(
-            c, a, before
-        )  # it turns on the way, and friction with it or with the body
+        # it turns on the way, and friction with it or with the body; a step is straight, off an arc by
+        # half the square of the turn times the arm
+        turns = [court.spun(c, a, before), *(court.spun(c, q, None) for q in (a, before) if q)]
+        off = off + turns[0]
+        x = court.placed[c.secondary[0]].basis.mesh.p[:, p.nodes].T
+        arm = np.linalg.norm(x - a.motions[c.name][2], axis=1)
+        spun = turns[0] * sum(turns[1:]) / 2 * arm
     elif c.name in a.motions:
         x = court.placed[c.secondary[0]].basis.mesh.p[:, p.nodes].T
         ds = ds - court.carried(c, x, a)

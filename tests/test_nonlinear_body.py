@@ -416,6 +416,8 @@ def test_states_and_displacements_that_are_refused():
     body = sc.NonlinearBody(basis_of("quad")[0], J2(E, NU, Y), name="billet")
     with pytest.raises(sc.errors.InputError, match="18 DOFs"):
         body.linearize(np.zeros(3))
+    with pytest.raises(sc.errors.InputError, match=r"u, .* is a function"):
+        body.linearize(fem.LinearForm(lambda v, w: v[0]))
     with pytest.raises(sc.errors.InputError, match="state of body 'billet'"):
         body.linearize(np.zeros(body.n), {})
     with pytest.raises(sc.errors.InputError, match="scalar problem"):

@@ -347,10 +347,11 @@ def load_of(f: Any, basis: Any, what: str) -> np.ndarray:
         check_points(basis, what)
         with _on_its_basis(basis, what):
             f = sum(f.assemble(part) for part in parts(basis))
-    return _vector(f, basis, what)
+    return dof_values(f, basis, what)
 
 
-def _vector(values: Any, basis: Any, what: str, used: Any = True) -> np.ndarray:
+def dof_values(values: Any, basis: Any, what: str, used: Any = True) -> np.ndarray:
+    """A vector of a user, one number for each DOF of a basis, checked; NaN where it is not used."""
     if callable(values):
         raise InputError(f"{what} is a function; assemble a skfem.LinearForm or pass a vector")
     array = rectangular(values, what, f"not a vector of {basis.N} numbers")
@@ -437,7 +438,7 @@ def prescribed_values(x: Any, D: np.ndarray, no_D: bool, basis: Any, whose: str)
         return values
     if no_D:
         raise InputError(f"x of {whose} prescribes values, but D does not say at which DOFs")
-    values[D] = _vector(x, basis, f"x of {whose}", np.isin(np.arange(basis.N), D))[D]
+    values[D] = dof_values(x, basis, f"x of {whose}", np.isin(np.arange(basis.N), D))[D]
     return values
 
 

@@ -16,7 +16,7 @@ from skfem_contact.arguments import check_switch, numbers, shown, with_known_key
 from skfem_contact.arrays import Array, check_finite
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.equations import Continuum, Differentiated, Forms, Gradients, scattered
-from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points, load_of
+from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points, dof_values
 from skfem_contact.bodies.member import Linearized, State
 from skfem_contact.bodies.quadrature import LINEAR, boundary_basis, scalar_element
 from skfem_contact.bodies.selection import boundary_dofs, check_not_lost
@@ -311,7 +311,8 @@ class NonlinearBody(Body):
         return scattered(load, on), K
 
     def _displacements(self, u: Any) -> Array:
-        return load_of(u, self.basis, "u, which has to be as result.displacement(body),")
+        what = "u, which has to be as result.displacement(body),"
+        return np.zeros(self.n) if u is None else dof_values(u, self.basis, what)
 
     def _state(self, state: State | None) -> State:
         """Internal variables by name, in the order of the initial ones."""

@@ -158,7 +158,7 @@ class LinearProblem(Protocol):
     points : PointSpace or None
         The dense problem on gaps and slips, where it is that: pivoting and uniqueness need it.
     springs : ndarray, shape (m,), or None
-        Compliance of the springs through which points are seen [length/force]; see `springs`. None
+        Compliance of the springs through which points are seen [length/force]; see `seam`. None
         where rows do not depend on each other, and there are none. They are a device of the iteration:
         it moves their rest forces until none has a strain.
     """

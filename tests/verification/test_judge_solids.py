@@ -22,7 +22,18 @@ import judge_solids as bench
 import judge_warned
 from solid_checks import Court
 from solid_oracle import against_oracle, fits
-from solid_scenes import BodySpec, ContactSpec, Height, Scene, Way, build, make, scene, turned
+from solid_scenes import (
+    BodySpec,
+    ContactSpec,
+    Height,
+    Scene,
+    Way,
+    build,
+    components,
+    make,
+    scene,
+    turned,
+)
 from solid_statics import feasible
 
 PRESSED = ((2e-4, 1e-4, -8e-4), (-2e-4, 2e-4, -1e-3))
@@ -440,3 +451,17 @@ def test_an_overlap_that_is_made_up_is_noticed(monkeypatch):
     monkeypatch.setattr(judge_warned, "run", beside)
     told, overlaps, wrong = judge_warned.verdict(5013)
     assert told and overlaps == len(wrong) == 1
+
+
+@pytest.mark.parametrize("number", [51001, 51381])
+def test_sticking_on_a_tool_that_turns_is_measured_in_its_axes(number):
+    """Floors on springs turn by 1e-4 and 4e-5 under bodies that stick: a slide of 1e-6 is seen."""
+    s = scene(number)
+    court, name = Court(s, made := make(s)), s.contacts[0].secondary[0]
+    one, *rest = bench.run(s, made=made).answers
+    assert not [f for f in bench.examine(court, [one, *rest]) if not f.geometric]
+    last = rest[0]
+    way = np.zeros_like(last.u[name])
+    way[components(made[name].basis)[0]] = 1e-6
+    slid = replace(last, u=last.u | {name: last.u[name] + way})
+    assert "stick" in {f.check for f in bench.examine(court, [one, slid])}
