@@ -25,7 +25,7 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.problem.zone import Zones
+from skfem_contact.problem.seam import Workspace
 from skfem_contact.records import dataclass
 
 AT_CONTACT = "gap", "normal_force", "pressure", "slip", "tangential_force", "force", "dissipation"
@@ -155,6 +155,8 @@ def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int)
 #: Solves the load steps, for results; and finds the displacements of all of them at once.
 History = Callable[[], Iterable[Any]]
 Recover = Callable[[list[Any]], Any]
+#: What a user asks of the results: a value, and its derivatives by each.
+Asked = Callable[[list[Any]], Any]
 
 
 @dataclass(eq=False)
@@ -244,10 +246,15 @@ class Jacobian:
 
 
 def _linearised(
-    history: History, asked: Callable[..., Any], by: tuple[Parameter, ...], recover: Recover, what: str
+    history: History,
+    asked: Asked,
+    by: tuple[Parameter, ...],
+    recover: Recover,
+    work: Workspace,
+    what: str,
 ) -> tuple[list[Any], list[Tangent], Any, list[Any]]:
     """A history, its tangents, a user's value of it, and the derivatives of that by each result."""
-    results, zones = list(history()), dict[int, Zones]()
+    results = list(history())
     if not results:
         raise InputError("steps are empty: there is nothing to differentiate")
     answers = [answer_of(result) for result in results]
@@ -256,7 +263,7 @@ def _linearised(
         begin, state = after.before, answer.state
         if begin is not None and begin.status is state.status and after.kin is answer.kin:
             vars(answer)["local"] = begin
-    tangents = [Tangent(answer, zones) for answer in answers]
+    tangents = [Tangent(answer, work) for answer in answers]
     if any(p.kind in ("stiffness", "scene") for p in by):
         recover(results)
     given = asked(results)
@@ -276,34 +283,36 @@ def _linearised(
     return results, tangents, value, derivatives
 
 
-def gradient(history: History, objective: Callable[..., Any], by: Any, recover: Recover) -> Gradient:
+def gradient(history: History, objective: Asked, by: Any, recover: Recover) -> Gradient:
     """See `ContactSolver.gradient`."""
     by = parameters(by, many=True)
-    results, tangents, value, given = _linearised(history, objective, by, recover, "the objective")
     loads, parts, after = any(p.kind in LOADS for p in by), list[list[Any]](), Values()
-    with single_threaded:
-        for tangent, own in zip(reversed(tangents), reversed(given), strict=True):
-            duals, after = backward(tangent, weights_of(tangent.answer, own), after, loads)
-            parts.insert(0, [contracted(p, tangent, duals) for p in by])
+    with Workspace() as work:
+        results, tangents, value, given = _linearised(
+            history, objective, by, recover, work, "the objective"
+        )
+        with single_threaded:
+            for tangent, own in zip(reversed(tangents), reversed(given), strict=True):
+                duals, after = backward(tangent, weights_of(tangent.answer, own), after, loads)
+                parts.insert(0, [contracted(p, tangent, duals) for p in by])
     each = zip(by, zip(*parts, strict=True), strict=True)
     found = [np.array(own) if p.each_step else sum(own) for p, own in each]
     return Gradient(float(value), by, found, results)
 
 
-def jacobian(
-    history: History, observe: Callable[..., Any], by: Any, side: int, recover: Recover
-) -> Jacobian:
+def jacobian(history: History, observe: Asked, by: Any, side: int, recover: Recover) -> Jacobian:
     """See `ContactSolver.jacobian`."""
     by = parameters(by, many=False)
-    results, tangents, values, given = _linearised(history, observe, by, recover, "observe")
-    values = numbers(values, "values of observe", "give a vector")
-    matrix, rows = np.zeros((len(values), len(by))), [_rows(own, len(values)) for own in given]
-    for j, p in enumerate(by):
-        known: Sensitivity | None = None
-        for tangent, own in zip(tangents, rows, strict=True):
-            known = sensitivity(tangent, p, known, side)
-            for i, weights in own:
-                matrix[i, j] += known.dot(weights)
+    with Workspace() as work:
+        results, tangents, values, given = _linearised(history, observe, by, recover, work, "observe")
+        values = numbers(values, "values of observe", "give a vector")
+        matrix, rows = np.zeros((len(values), len(by))), [_rows(own, len(values)) for own in given]
+        for j, p in enumerate(by):
+            known: Sensitivity | None = None
+            for tangent, own in zip(tangents, rows, strict=True):
+                known = sensitivity(tangent, p, known, side)
+                for i, weights in own:
+                    matrix[i, j] += known.dot(weights)
     return Jacobian(values, matrix, by, results)
 
 

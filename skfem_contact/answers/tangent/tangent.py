@@ -47,8 +47,7 @@ from skfem_contact.linalg.krylov import gmres
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.active_set import largest_force
 from skfem_contact.problem.points import Conditions, Response
-from skfem_contact.problem.seam import Source
-from skfem_contact.problem.zone import Zones
+from skfem_contact.problem.seam import Source, Workspace
 
 #: Derivatives by name, of loads or points: (n,) or (m, width). What is not there is zero.
 Values = dict[str, Array]
@@ -132,14 +131,13 @@ class Tangent:
     [[0.3], [-0.3]]
     """
 
-    def __init__(self, answer: Answer, zones: dict[int, Zones] | None = None) -> None:
+    def __init__(self, answer: Answer, workspace: Workspace | None = None) -> None:
         refuse(answer)
         problem, interface = answer.model.for_tangents, answer.model.interface
         assert problem is not None
         self.answer, self.problem = answer, problem
-        # shared by a history, as far as it is on one problem: steps that tighten bolts have another
-        known = {} if zones is None else zones
-        self.zones = known.get(id(problem)) or known.setdefault(id(problem), Zones(problem.compliance))
+        # of a history the zone that its load steps have drawn
+        self.zones = (problem.anew() if workspace is None else workspace.borrowed(problem)).zones
         self.local = local = answer.local
         self.rims = None if answer.placed is None else answer.placed.rims
         self.rule = FrictionRule(interface.laws, local.area, local.reference)
