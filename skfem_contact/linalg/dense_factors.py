@@ -157,7 +157,7 @@ def factorised(A: Array, symmetric: bool) -> DenseFactors:
             return cholesky(A, overwrite=True)
         except LinAlgError:
             raise SingularMatrix("the matrix of the contact problem is not positive definite") from None
-    largest = np.max(np.abs(np.diag(A)), initial=0.0)
+    largest = np.max(np.abs(A.diagonal()), initial=0.0)
     try:
         factors = lu(A, overwrite=True)
         if np.all(factors.diagonal > ROUND_OFF * largest):

@@ -411,14 +411,14 @@ class PointSpace:
         free = rows.free
         where = np.full(len(self.S), -1)
         where[free] = np.arange(len(free))
-        At = self.S[np.ix_(free, free)]  # transposed, as LAPACK has it
+        At = self.S[free[:, None], free]  # transposed, as LAPACK has it
         t = self.tangential_rows.shape[1]
         for k, j in np.ndindex(t, t) if conditions.gives else ():
             on = rows.slides[:, k] & rows.slides[:, j]
             row, column = where[self.tangential_rows[on, k]], where[self.tangential_rows[on, j]]
             At[column, row] += conditions.spring[on, k, j]
         for some in blocks(len(rows.rubbing)):
-            pressing = self.S[np.ix_(free, rows.pressing[some])]
+            pressing = self.S[free[:, None], rows.pressing[some]]
             At[:, where[rows.rubbing[some]]] += rows.share[some] * pressing
         return factorised(At.T, symmetric=not len(rows.rubbing) and conditions.even_springs)
 

@@ -433,28 +433,31 @@ def refuse(answer: Answer) -> None:
     """
     model, interface = answer.model, answer.model.interface
     remembers = [getattr(body, "initial_state", None) for body in model.system.bodies]
-    laws = [
+    bare = [
         own for _, own in interface.laws if own.by_bound and type(own.law).slope is FrictionLaw.slope
     ]
-    bare = ", ".join(f"{type(own.law).__name__} of contact '{own.contact}'" for own in laws)
     reasons = {
-        f"it did not converge ({answer.message})": not answer.converged,
+        "it did not converge ({message})": not answer.converged,
         'contact slides far (sliding="finite"): how its pairing changes is not differentiated. Where '
         'slips are short, sliding="small" has derivatives': model.geometry.follows,
         "surfaces wear: the depth worn off is not differentiated. Leave wear out of the contact": (
-            bool(interface.wear) or np.any(answer.state.wear)
+            bool(interface.wear) or answer.state.wear.any()
         ),
-        f"its load step was cut into {answer.parts} parts, whose states are not kept. Give the history "
+        "its load step was cut into {parts} parts, whose states are not kept. Give the history "
         "smaller steps": answer.parts > 1,
         "conditions of its points depend on each other, so that forces are not unique. Let contacts "
         "share no edge, and make a held tool no finer than what it presses": answer.springs,
         "a body may stand elsewhere as well. Prescribe a DOF (D=...)": bool(answer.indifferent),
         "a material has internal variables, which are not differentiated": any(remembers),
-        f"the law {bare} has no slopes of its own, and difference quotients leave six digits. Give it "
+        "the law {bare} has no slopes of its own, and difference quotients leave six digits. Give it "
         "slope(...), the derivative of its limit by the normal force, or a return_map(...)": bool(bare),
-        f"the contact problem has no matrix on this route ({model.route}). Make the solver with "
+        "the contact problem has no matrix on this route ({route}). Make the solver with "
         'linear="condensed"': model.for_tangents is None,
     }
     for words, wrong in reasons.items():
-        if wrong:
-            raise InputError(f"this result has no derivatives: {words}.")
+        if wrong:  # words are put together where they are needed: a history asks at every step
+            laws = ", ".join(f"{type(own.law).__name__} of contact '{own.contact}'" for own in bare)
+            known = {"message": answer.message, "parts": answer.parts, "bare": laws}
+            raise InputError(
+                f"this result has no derivatives: {words.format(**known, route=model.route)}."
+            )
