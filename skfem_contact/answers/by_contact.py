@@ -82,8 +82,9 @@ class OfTheContact(NamesAttributes, ABC):
 
 def _values(answer: Answer, i: int, part: slice) -> ContactValues:
     kin, state, contact = answer.kin, answer.local, answer.contacts[i]
-    status = state.status[part]
-    status = np.where(_smooth(answer, part) & (status != OPEN), SLIP, status)
+    status, smooth = state.status[part], _smooth(answer, part)
+    if np.count_nonzero(smooth):
+        status = np.where(smooth & (status != OPEN), SLIP, status)
     heir = kin.heir[part] - part.start
     gap, wear, area = answer.gap[part], state.wear[part], kin.area[part]
     if kin.inherits:
