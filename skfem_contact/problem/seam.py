@@ -438,11 +438,11 @@ class Workspace:
     """
 
     def __init__(self) -> None:
-        self._borrowed: dict[ContactProblem, ContactProblem] = {}
+        self._borrowed: dict[Any, Any] = {}
 
-    def borrowed(self, shared: ContactProblem) -> ContactProblem:
+    def borrowed(self, shared: P) -> P:
         """A contact problem on the pairing of the undeformed bodies, for this solve alone."""
-        own = self._borrowed.get(shared)
+        own: P | None = self._borrowed.get(shared)
         if own is None:
             try:
                 own = shared.idle.pop()

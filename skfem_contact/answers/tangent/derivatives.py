@@ -9,7 +9,8 @@ number of values.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -245,15 +246,14 @@ class Jacobian:
         return " ".join(said)
 
 
+@contextmanager
 def _linearised(
-    history: History,
-    asked: Asked,
-    by: tuple[Parameter, ...],
-    recover: Recover,
-    work: Workspace,
-    what: str,
-) -> tuple[list[Any], list[Tangent], Any, list[Any]]:
-    """A history, its tangents, a user's value of it, and the derivatives of that by each result."""
+    history: History, asked: Asked, by: tuple[Parameter, ...], recover: Recover, what: str
+) -> Iterator[tuple[list[Any], list[Tangent], Any, list[Any]]]:
+    """A history, its tangents, a user's value of it, and the derivatives of that by each result.
+
+    The tangents have borrowed the memory of the load steps, and give it back at the end.
+    """
     results = list(history())
     if not results:
         raise InputError("steps are empty: there is nothing to differentiate")
@@ -263,7 +263,6 @@ def _linearised(
         begin, state = after.before, answer.state
         if begin is not None and begin.status is state.status and after.kin is answer.kin:
             vars(answer)["local"] = begin
-    tangents = [Tangent(answer, work) for answer in answers]
     if any(p.kind in ("stiffness", "scene") for p in by):
         recover(results)
     given = asked(results)
@@ -280,21 +279,19 @@ def _linearised(
             f"{what} returned {len(derivatives)} derivatives for {len(results)} results: give one dict "
             "for each result, in the order of the steps, None where nothing depends on it"
         )
-    return results, tangents, value, derivatives
+    with Workspace() as work:
+        yield results, [Tangent(answer, work) for answer in answers], value, derivatives
 
 
 def gradient(history: History, objective: Asked, by: Any, recover: Recover) -> Gradient:
     """See `ContactSolver.gradient`."""
     by = parameters(by, many=True)
     loads, parts, after = any(p.kind in LOADS for p in by), list[list[Any]](), Values()
-    with Workspace() as work:
-        results, tangents, value, given = _linearised(
-            history, objective, by, recover, work, "the objective"
-        )
-        with single_threaded:
-            for tangent, own in zip(reversed(tangents), reversed(given), strict=True):
-                duals, after = backward(tangent, weights_of(tangent.answer, own), after, loads)
-                parts.insert(0, [contracted(p, tangent, duals) for p in by])
+    linearised = _linearised(history, objective, by, recover, "the objective")
+    with linearised as (results, tangents, value, given), single_threaded:
+        for tangent, own in zip(reversed(tangents), reversed(given), strict=True):
+            duals, after = backward(tangent, weights_of(tangent.answer, own), after, loads)
+            parts.insert(0, [contracted(p, tangent, duals) for p in by])
     each = zip(by, zip(*parts, strict=True), strict=True)
     found = [np.array(own) if p.each_step else sum(own) for p, own in each]
     return Gradient(float(value), by, found, results)
@@ -303,8 +300,8 @@ def gradient(history: History, objective: Asked, by: Any, recover: Recover) -> G
 def jacobian(history: History, observe: Asked, by: Any, side: int, recover: Recover) -> Jacobian:
     """See `ContactSolver.jacobian`."""
     by = parameters(by, many=False)
-    with Workspace() as work:
-        results, tangents, values, given = _linearised(history, observe, by, recover, work, "observe")
+    linearised = _linearised(history, observe, by, recover, "observe")
+    with linearised as (results, tangents, values, given):
         values = numbers(values, "values of observe", "give a vector")
         matrix, rows = np.zeros((len(values), len(by))), [_rows(own, len(values)) for own in given]
         for j, p in enumerate(by):
