@@ -263,24 +263,25 @@ def _linearised(
         begin, state = after.before, answer.state
         if begin is not None and begin.status is state.status and after.kin is answer.kin:
             vars(answer)["local"] = begin
-    if any(p.kind in ("stiffness", "scene") for p in by):
-        recover(results)
-    given = asked(results)
-    try:
-        value, derivatives = given
-        derivatives = list(derivatives)
-    except (TypeError, ValueError):
-        raise InputError(
-            f"{what} returned {shown(given)}; it has to return (value, derivatives), these a list with "
-            "a dict for each result, None where it does not depend on it"
-        ) from None
-    if len(derivatives) != len(results):
-        raise InputError(
-            f"{what} returned {len(derivatives)} derivatives for {len(results)} results: give one dict "
-            "for each result, in the order of the steps, None where nothing depends on it"
-        )
     with Workspace() as work:
-        yield results, [Tangent(answer, work) for answer in answers], value, derivatives
+        tangents = [Tangent(answer, work) for answer in answers]
+        if any(p.kind in ("stiffness", "scene") for p in by):
+            recover(results)
+        given = asked(results)
+        try:
+            value, derivatives = given
+            derivatives = list(derivatives)
+        except (TypeError, ValueError):
+            raise InputError(
+                f"{what} returned {shown(given)}; it has to return (value, derivatives), these a list with "
+                "a dict for each result, None where it does not depend on it"
+            ) from None
+        if len(derivatives) != len(results):
+            raise InputError(
+                f"{what} returned {len(derivatives)} derivatives for {len(results)} results: give one dict "
+                "for each result, in the order of the steps, None where nothing depends on it"
+            )
+        yield results, tangents, value, derivatives
 
 
 def gradient(history: History, objective: Asked, by: Any, recover: Recover) -> Gradient:
