@@ -273,13 +273,13 @@ def _linearised(
             derivatives = list(derivatives)
         except (TypeError, ValueError):
             raise InputError(
-                f"{what} returned {shown(given)}; it has to return (value, derivatives), these a list with "
-                "a dict for each result, None where it does not depend on it"
+                f"{what} returned {shown(given)}; it has to return (value, derivatives), these a list "
+                "with a dict for each result, None where it does not depend on it"
             ) from None
         if len(derivatives) != len(results):
             raise InputError(
-                f"{what} returned {len(derivatives)} derivatives for {len(results)} results: give one dict "
-                "for each result, in the order of the steps, None where nothing depends on it"
+                f"{what} returned {len(derivatives)} derivatives for {len(results)} results: give one "
+                "dict for each result, in the order of the steps, None where nothing depends on it"
             )
         yield results, tangents, value, derivatives
 
