@@ -148,3 +148,25 @@ def test_round_off_is_that_of_the_stiffness_in_use(factor):
     result = solver(factor * K).with_stiffness("block", K).solve()
     assert_allclose(result.forces, solver(K).solve().forces, rtol=0, atol=1e-14)
     assert result.certificate.worst < 1e-12
+
+
+def test_a_stiffness_may_be_an_elastic_material():
+    """A solver with another steel is the solver that was made with it, the same thickness and axis."""
+    mesh = fem.MeshQuad().refined(2).translated((1.0, 0.0)).with_defaults()
+    element = fem.ElementVector(fem.ElementQuad1())
+    measures = {"plate": lambda x: 0.2 + 0 * x[0], "ring": lambda x: 2 * np.pi * x[0]}
+
+    def force(name, made, used=None):
+        block = sc.Body(fem.Basis(mesh, element), made, D="bottom", measure=measures[name], name=name)
+        lid = sc.RigidPlane((0, 1), (0, -1), name="lid")
+        solver = sc.ContactSolver([block], [sc.Contact(block.surface("top"), lid)])
+        if used is not None:
+            solver = solver.with_stiffness(name, used)
+        return solver.solve(motion={"lid": (0, -0.01)}).force[1]
+
+    one, other = sc.Elastic(1.0, 0.3), sc.Elastic(7.0, 0.1)
+    for name in measures:
+        known = force(name, other)
+        assert abs(known - force(name, one)) > 0.1 * abs(known)
+        # the same arithmetic on the same numbers, but for the bound below which forces are round-off
+        assert_allclose(force(name, one, other), known, rtol=1e-12)

@@ -158,10 +158,9 @@ class Body(Meshed):
             mass = getattr(K, "density", 0.0) or None
         if isinstance(K, Elastic):
             object.__setattr__(self, "material", K)
-            K = K.form(measure, axisymmetric=self.axisymmetric)
         vars(self).setdefault("material", None)  # bodies that are not linear have set theirs
         fixed = prescribed_dofs(D, basis, whose)
-        stiffness = Stiffness.of(K, basis, fixed, whose)
+        stiffness = Stiffness.of(self._form(K), basis, fixed, whose)
         values = {
             "K": stiffness.K,
             "form": stiffness.form,
@@ -281,8 +280,12 @@ class Body(Meshed):
         return self.material.stress(gradients.of(u))
 
     def stiffness(self, K: Any, what: str) -> csr_matrix:
-        """The stiffness (n, n) that a user means: a matrix, or a form."""
-        return stiffness_of(K, self.basis, what)
+        """The stiffness (n, n) that a user means: a matrix, a form, or an elastic material."""
+        return stiffness_of(self._form(K), self.basis, what)
+
+    def _form(self, K: Any) -> Any:
+        """The form of an elastic material on this body; anything else as it is."""
+        return K.form(self.measure, axisymmetric=self.axisymmetric) if isinstance(K, Elastic) else K
 
     def load(self, f: Any, what: str) -> Array:
         """The load (n,) that a user means: a vector, a form, or tractions by boundary name."""

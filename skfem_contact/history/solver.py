@@ -304,7 +304,7 @@ class Variants(ProblemSetup):
         Parameters
         ----------
         body : Body, RigidBody or str
-        K : sparse matrix (n_body, n_body) or BilinearForm
+        K : sparse matrix (n_body, n_body), BilinearForm or Elastic
             [force/length]
 
         Raises
@@ -356,7 +356,7 @@ class Variants(ProblemSetup):
         Parameters
         ----------
         body : Body, RigidBody or str
-        K : sparse matrix (n_body, n_body) or BilinearForm, optional
+        K : sparse matrix (n_body, n_body), BilinearForm or Elastic, optional
             [force/length]
         f : ndarray (n_body,), LinearForm, or tractions by boundary name, optional
             The body's own load from now on, see `Body` [force].
