@@ -538,3 +538,62 @@ def test_a_point_beside_the_shank_is_refused():
     for x in (-0.1, 1.1):
         with pytest.raises(sc.errors.InputError, match=r"lies beside <Body bolt"):
             sc.Bolt(bolt, point=(x, 4), axis=(0, 1))
+
+
+# -- heat ------------------------------------------------------------------------------------------
+
+E, NU, WARM = 500.0, 0.3, 1e-3  # of a rod of 1 x 50 between walls, thermal strain by degree
+PRESS, SPRING = E * WARM / (1 - NU), E / (1 - NU**2) / 50
+
+
+def held_rod(own=False):
+    """A rod in plane strain with free sides, held at both ends, and its bolt off the axis."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 1, 3), np.linspace(0, 50, 11)).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    steel = sc.Elastic(E, NU, expansion=WARM)
+    D = {"left": "x", "bottom": "y", "top": "y"}
+    heat = {"f": {"rod": steel.warmed(1.0)}}
+    rod = sc.Body(basis, steel, D=D, name="rod", f=heat["f"]["rod"] if own else None)
+    side = sc.Contact(rod.surface("right"), sc.RigidPlane((9, 0), (-1, 0)))  # never touches
+    bolt = sc.Bolt(rod, point=(0.25, 25), axis=(0, 1), name="M")
+    return sc.ContactSolver([rod], [side], bolts=[bolt]), heat
+
+
+def carried(result):
+    """Force, stretch and bending of the bolt, and the force of the wall on the rod."""
+    bolt = result.bolts["M"]
+    return [bolt.force, bolt.stretch, bolt.bending, result.reaction("rod", "top")[1]]
+
+
+def of(force, stretch=0.0):
+    """The same of a rod under a force, in the middle of its width."""
+    return pytest.approx([force, stretch, 0.25 * abs(force), force], rel=1e-10, abs=1e-12)
+
+
+def test_heat_strains_a_bolt_and_is_no_force(tmp_path):
+    """Warmed between walls it bears -E alpha T / (1 - nu), tightened cold or hot what is given."""
+    solver, heat = held_rod()
+    draw = {"bolt": {"M": {"force": 10.0}}}
+    cold, warm = solver.history([draw, heat])
+    assert carried(cold) == of(10.0, 10 / SPRING)
+    assert carried(warm) == of(10.0 - PRESS, 10 / SPRING)
+    hot, tight, half = solver.history([heat, draw, {"bolt": {"M": {"force": 5.0}}}])
+    assert carried(hot) == of(-PRESS)
+    assert carried(tight) == of(10.0, (10 + PRESS) / SPRING)
+    assert carried(half) == of(5.0, (5 + PRESS) / SPRING)
+    assert hot.sensitivity("load").bolts["M"][0] == pytest.approx(-PRESS, rel=1e-9)
+    again = solver.load_state(solver.save_state(tmp_path / "tight.npz", tight))
+    (moved,) = solver.history([{"x": {"rod": {"top": (None, 0.01)}}}], start=again)
+    assert carried(moved) == of(10.0 + 0.01 * SPRING, (10 + PRESS) / SPRING)
+
+
+def test_heat_of_the_own_load_is_scaled_with_it():
+    """By numbers of load steps, and by `with_load` of a body that had none."""
+    solver, heat = held_rod(own=True)
+    other = held_rod()[0].with_load("rod", heat["f"]["rod"])
+    for warmed in (solver, other):
+        half, whole, none = warmed.history([0.5, 1.0, {"f": {"rod": np.zeros(warmed.system.n)}}])
+        assert [carried(half), carried(whole)] == [of(-PRESS / 2), of(-PRESS)]
+        assert carried(none) == of(0.0)
+    ax = sc.output.plot_force([half, whole], "rod", "right")  # a free side
+    assert abs(ax.get_lines()[0].get_ydata()).max() < 1e-12

@@ -7,6 +7,7 @@ from pathlib import Path
 from runpy import run_path
 from typing import Any
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[1]
@@ -60,3 +61,22 @@ def test_thumbnails_are_small_and_show_a_part(gallery: dict[str, Any], tmp_path:
             wide, high = image.size
         assert wide <= 400 and high <= 280 and max(wide / 400, high / 280) > 0.99, file.stem
         assert file.stat().st_size < 40_000, file.stem
+
+
+def test_thumbnails_cut_through_nothing(gallery: dict[str, Any]) -> None:
+    """Their edges run through empty paper: a picture that is drawn anew may have moved its words."""
+    from PIL import Image
+
+    for name, part in gallery["PARTS"].items():
+        with Image.open(ROOT / f"docs/images/{name}.png") as image:
+            paper = np.asarray(image.convert("L")) > 245
+        high, wide = paper.shape
+        left, top, right, bottom = (round(x * n) for x, n in zip(part, (wide, high) * 2, strict=True))
+        shown = paper[top:bottom, left:right]
+        cut = {
+            "left": left > 0 and not shown[:, 0].all(),
+            "top": top > 0 and not shown[0].all(),
+            "right": right < wide and not shown[:, -1].all(),
+            "bottom": bottom < high and not shown[-1].all(),
+        }
+        assert not any(cut.values()), (name, cut)

@@ -361,6 +361,11 @@ def test_weight_and_warmth_of_a_ring():
     assert_allclose(weight.sum(), -10 * 2.0 * np.pi * (2**2 - 1**2), rtol=1e-12)
     warm = steel.warmed(lambda x: 100.0 + 0 * x[0], **measure, axisymmetric=True)
     held = basis.get_dofs("bottom").all("u^2")
+    for load in (steel.warmed(100.0), steel.warmed(100.0, **measure)):  # a body knows its own measure
+        assert_allclose(
+            sc.Body(basis, steel, f=load, **measure).f, warm.assemble(basis), atol=1e-12 * E
+        )
+    assert_allclose(sc.Body(basis, steel, f=steel.weight((0, -10.0)), **measure).f, weight, rtol=1e-12)
     ring = sc.Body(basis, steel, f=warm, D=held, **measure)
     u = fem.solve(*fem.condense(ring.K, ring.f, D=ring.D))
     free = 1e-3 * basis.doflocs[ring.dof_component, np.arange(ring.n)]

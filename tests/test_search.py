@@ -49,6 +49,8 @@ WANTED = {  # of two pages the first that there is
     "compression only": ["recipes/springs.md"],
     "substructure": ["dictionary.md"],
     "torque capacity": ["recipes/press_fit.md"],
+    "symmetric supports": ["guide.md"],
+    "plane of symmetry": ["guide.md"],
 }
 
 

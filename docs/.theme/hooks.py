@@ -26,6 +26,13 @@ ROOT = Path(__file__).parents[2]
 PREPARED = ROOT / "out" / "gallery"  # not under version control
 SEARCH_WORDS = json.loads(Path(__file__).with_name("search_words.json").read_text(encoding="utf-8"))
 FORMULA = re.compile(r'<(span|div) class="arithmatex">(.*?)</\1>', re.DOTALL)
+#: Two arguments of one type that one sentence describes, and the dash before no description at all.
+ALIKE = re.compile(
+    r'</code></b>((?:(?!</?li\b).)+</li>)\s*<li class="doc-section-item field-body">'
+    r"\s*((?:<b><code>\w+</code></b>(?:, )?)+)\1",
+    re.DOTALL,
+)
+NOTHING_SAID = re.compile(r'–\s*<div class="doc-md-description">\s*</div>')
 
 
 @event_priority(100)  # before the gallery reads its examples
@@ -94,9 +101,13 @@ def mathml(match: re.Match[str]) -> str:
 
 
 def on_page_content(content: str, /, *, page: Any, config: Any, **kwargs: Any) -> str:
-    """All formulas, those of docstrings as well; the version; links of the gallery to files."""
+    """Formulas, also of docstrings; the version; links of the gallery to files; arguments alike."""
     if page.file.src_uri == "gallery/index.md":
         content = re.sub(r'(<a class="reference internal" href="\w+)"', r'\1.html"', content)
+    found = 1
+    while found:  # the reference would say the same sentence of each of them
+        content, found = ALIKE.subn(r"</code></b>, \2\1", content)
+    content = NOTHING_SAID.sub("", content)
     return FORMULA.sub(mathml, content).replace("{{version}}", config.extra["version"])
 
 

@@ -68,7 +68,7 @@ class Placed:
                 )
         return cls(u, tuple(stiffness), zero, zero, states, trend)
 
-    def moved(self, system: System, u: Array, fluid: Mapping[int, Array]) -> Placed:
+    def moved(self, system: System, u: Array, apart: Mapping[int, Array]) -> Placed:
         """The bodies at other displacements, from what they remember here, pressed by fluids.
 
         Raises
@@ -78,7 +78,7 @@ class Placed:
         """
         stiffness, states = list(self.stiffness), list(self.material)
         internal, beyond = np.zeros((2, system.n))
-        bodies: tuple[Any, ...] = system.bodies  # those with fluids are not linear
+        bodies: tuple[Any, ...] = system.bodies
         odd = [csr_matrix((body.n, body.n)) for body in bodies]
         for i, body in enumerate(bodies):
             part = system.slice(body)
@@ -86,8 +86,8 @@ class Placed:
                 stiffness[i], internal[part], states[i] = body.linearize(u[part], self.material[i])
             else:
                 internal[part] = stiffness[i] @ u[part]
-            if i in fluid:
-                beyond[part], slope = fluid_beyond(body, fluid[i], u[part])
+            if body.nonlinear and i in apart:
+                beyond[part], slope = fluid_beyond(body, apart[i], u[part])
                 stiffness[i] = csr_matrix(stiffness[i] - 0.5 * (slope + slope.T))
                 odd[i] = _of_rims(body, slope)
         rims = csr_matrix(block_diag(odd)) if any(half.nnz for half in odd) else None

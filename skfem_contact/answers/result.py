@@ -192,7 +192,8 @@ class ContactResult(ByContact):
     def stress(self, body: Member | str) -> Array:
         """Cauchy stress of a body with a material, (3, 3, elements, points of integration) [stress].
 
-        At the nodes: `skfem_contact.output.nodal_field`.
+        At the nodes: `skfem_contact.output.nodal_field`. The strain of a temperature T is not taken
+        off: ``steel.stress(gradient, T)`` of the displacement gradient does that.
 
         Raises
         ------
@@ -259,7 +260,11 @@ class ContactResult(ByContact):
         """Return what each bolt carries, by name; see `BoltValues`."""
         answer = self._answer
         known = answer.tightness
-        return answer.bolts.values(answer.u, known) if answer.bolts is not None and known else {}
+        return (
+            answer.bolts.values(answer.case, answer.u, known)
+            if answer.bolts is not None and known
+            else {}
+        )
 
     def joints(self) -> Joints:
         """A table of all contacts: force, moment, closed share, slip margin, pressure, energy lost.

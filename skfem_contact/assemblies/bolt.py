@@ -15,6 +15,9 @@ and ``d`` is not, elimination of ``d`` leaves
 One solve finds ``d``, with contact and friction. That stiffness lets the two sides of the section slide
 along the axis, ``m``, as if they were two bodies. Later steps keep ``d``: the bolt is locked.
 
+A temperature strains without stress. Its load ``f_T`` holds the stress that is not there, so that the
+force in the bolt is ``N = m' (K (u + d m) - f_T)``: ``N + m' f_T`` stands in the place of ``N`` above.
+
 References
 ----------
 ABAQUS Analysis User's Guide, Prescribed assembly loads: a section by nodes and elements on one side.
@@ -299,7 +302,7 @@ class Bolts:
 
     def posed(self, case: LoadCase, shift: Array, force: Array, kept: Mask | None = None) -> LoadCase:
         """A load case with shifts, or forces where these are not NaN, in its load."""
-        drawn = np.where(np.isnan(force), shift, force / self.k)
+        drawn = np.where(np.isnan(force), shift, (force + self._strained(case)) / self.k)
         f = case.applied - self.pulls.T @ drawn
         return copied(case, f=f, bolts=BoltLoads(shift, force, case.applied, kept))
 
@@ -333,26 +336,42 @@ class Bolts:
 
     def found(self, case: LoadCase, u: Array) -> ByBolt:
         """Shift and force of each bolt from all displacements, (n,)."""
-        held, pulled = case.bolts, self.pulls @ u
+        held, pulled = case.bolts, self.pulls @ u - self._strained(case)
         assert held is not None
         shift = np.where(held.given, (held.force - pulled) / self.k, held.shift)
         both = zip(shift.tolist(), (pulled + self.k * shift).tolist(), strict=True)
         return dict(zip(self.names, both, strict=True))
 
+    def thermal(self, case: LoadCase) -> csr_matrix:
+        """The loads of temperatures on the nodes beyond each section, along its axis, (b, n)."""
+        loads = np.zeros(self.slides.shape[1])
+        for i, span in zip(self._body, self._span, strict=True):
+            loads[span] = case.apart.get(i, 0.0)
+        return csr_matrix(self.slides.multiply(loads))
+
+    def _strained(self, case: LoadCase) -> Array:
+        """The sums of `thermal`, (b,)."""
+        return (
+            self.thermal(case) @ np.ones(self.slides.shape[1]) if case.apart else np.zeros(len(self.k))
+        )
+
     def stretched(self, u: Array, known: ByBolt) -> Array:
         """All displacements (n,) that have the strains of bodies: with the bolts drawn together."""
         return np.asarray(u + self.slides.T @ np.array([known[name][0] for name in self.names]))
 
-    def values(self, u: Array, known: ByBolt) -> dict[str, BoltValues]:
+    def values(self, case: LoadCase, u: Array, known: ByBolt) -> dict[str, BoltValues]:
         """Return what each bolt carries, from all displacements (n,)."""
         out, drawn = {}, self.stretched(u, known)
-        for name, bolt, rows in zip(self.names, self.bolts, self._resisted, strict=True):
+        each = zip(self.names, self.bolts, self._body, self._resisted, strict=True)
+        for name, bolt, i, rows in each:
             d, axis, (shift, force) = bolt.body.dim, bolt.axis, known[name]
             if bolt.body.axisymmetric:
                 out[name] = BoltValues(name, force, shift, np.zeros(d), np.nan, 0.0)
                 continue
             load = rows @ drawn
             load[np.abs(load) < COMPUTED * (abs(rows) @ np.abs(drawn))] = 0.0
+            if i in case.apart:
+                load = load - bolt.motions.T @ case.apart[i]
             across, moment = load[:d] - axis * (axis @ load[:d]), load[d:]
             torsion = float(axis @ moment) if d == 3 else 0.0
             bending = float(np.linalg.norm(moment - torsion * axis if d == 3 else moment))

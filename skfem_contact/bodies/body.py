@@ -42,7 +42,7 @@ from skfem_contact.bodies.quadrature import volume
 from skfem_contact.bodies.selection import displacements, pieces, tractions
 from skfem_contact.bodies.surface import ContactSurface, extract_surface
 from skfem_contact.errors import InputError
-from skfem_contact.materials.elastic import Elastic
+from skfem_contact.materials.elastic import Elastic, VolumeLoad
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import can_be_carried, carried, seal
 
@@ -172,6 +172,7 @@ class Body(Meshed):
         for key, value in values.items():
             object.__setattr__(self, key, value)
         object.__setattr__(self, "f", self.load(f, f"f of {whose}"))
+        object.__setattr__(self, "thermal", self.f if _strains(f) else None)
         object.__setattr__(self, "x", self.prescribed(x, D is None, whose))
         seal(self)
 
@@ -291,7 +292,12 @@ class Body(Meshed):
         """The load (n,) that a user means: a vector, a form, or tractions by boundary name."""
         if isinstance(f, Mapping):
             return tractions(f, self.basis, self.measure, what)
+        if isinstance(f, VolumeLoad):
+            f = f.on(self.measure, self.axisymmetric)
         return load_of(f, self.basis, what)
+
+    def apart(self, f: Any) -> Array | None:
+        return self.load(f, "f") if _strains(f) else None
 
     def prescribed(self, x: Any, no_D: bool, whose: str) -> Array:
         """Values (n,) of the prescribed DOFs that a user means: a vector, or by boundary name."""
@@ -440,6 +446,11 @@ class Body(Meshed):
             Nothing selected, unknown names (the message lists those known), degenerate facets.
         """
         return extract_surface(self, where, nodes=nodes, name=name)
+
+
+def _strains(f: Any) -> bool:
+    """Whether a load stands for strains without stress."""
+    return isinstance(f, VolumeLoad) and f.strains
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,6 +68,8 @@ class Member(NamesAttributes, ABC):
         Whether the body may turn and strain by any amount (total Lagrangian).
     pressures : ndarray or None
         Of fluids, by facet, which follow the deformed boundary [stress].
+    thermal : ndarray, shape (n,), or None
+        The load `f` of a linear body, where it stands for the strains of a temperature [force].
     """
 
     name: str | None
@@ -119,6 +121,12 @@ class Member(NamesAttributes, ABC):
     nonlinear: bool = False
     finite_strain: bool = False
     pressures: np.ndarray | None = None
+    thermal: np.ndarray | None = None
+
+    @property
+    def own_apart(self) -> np.ndarray | None:
+        """Of the body's own load the part that `apart` finds."""
+        return self.pressures if self.nonlinear else self.thermal
 
     @property
     def initial_state(self) -> State:
@@ -150,8 +158,12 @@ class Member(NamesAttributes, ABC):
     def load(self, f: Any, what: str) -> np.ndarray:
         """The load (n,) that a user means: a vector, or a dict by what it acts on."""
 
-    def fluid(self, f: Any) -> np.ndarray | None:
-        """Pressures in a load that follow the deformed boundary, by facet; none of a linear body."""
+    def apart(self, f: Any) -> np.ndarray | None:
+        """Return what has to be known of a load beside its vector: None as a rule.
+
+        Pressures that follow the deformed boundary, by facet; of a linear body the load (n,) that
+        stands for strains of a temperature, which is no force [stress], [force].
+        """
         return None
 
     @abstractmethod

@@ -244,6 +244,9 @@ class NonlinearBody(Body):
         pressures = self.fluid(varying)
         return load if pressures is None else load + self.pressed(pressures)[0]
 
+    def apart(self, f: Any) -> Array | None:
+        return self.fluid(f)
+
     def fluid(self, f: Any) -> Array | None:
         """Pressures of fluids on all facets of the mesh (k,), of a load by boundary name [stress]."""
         if not self.finite_strain or not isinstance(f, Mapping):

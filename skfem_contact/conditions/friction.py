@@ -56,7 +56,7 @@ STEEP = 5.0
 
 @dataclass(frozen=True, eq=False)
 class FrictionLaw(PrintedAsCall):
-    r"""Base of all friction laws; a user's own law overrides :meth:`limit`.
+    r"""Base of all friction laws; a user's own law overrides `limit`.
 
     Parameters
     ----------
@@ -67,10 +67,10 @@ class FrictionLaw(PrintedAsCall):
 
     Notes
     -----
-    :meth:`slope` is the derivative of the limit with respect to the normal force. It speeds up the
+    `slope` is the derivative of the limit with respect to the normal force. It speeds up the
     loop ``newton`` and does not change the answer; the base class takes a difference quotient.
     That with respect to the slip is always a difference quotient, unless a law has its own
-    :meth:`return_map`, which gives the friction forces themselves and all their derivatives.
+    `return_map`, which gives the friction forces themselves and all their derivatives.
 
     What a law returns is checked: a bound that is NaN, infinite or negative, at any point, is an
     `InputError`. A law is asked with a normal force of zero, too.

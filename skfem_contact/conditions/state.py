@@ -332,9 +332,9 @@ class LoadCase(ByFields):
         The number of the load step, where it was one.
     bolts : BoltLoads or None
         What holds the bolts, where there are any.
-    fluid : dict of ndarray
-        Pressures on all facets of bodies, by their number: `f` has their load on the undeformed
-        boundary, and the deformed one another [stress].
+    apart : dict of ndarray
+        What is known of loads by the number of their body, see `Member.apart`: pressures on all facets,
+        of which `f` has the load on the undeformed boundary, and loads of temperatures.
     """
 
     f: Array
@@ -347,7 +347,7 @@ class LoadCase(ByFields):
     scale: tuple[float | None, float | None] = (None, None)
     factor: float | None = None
     bolts: BoltLoads | None = None
-    fluid: Mapping[int, Array] = field(default_factory=dict)
+    apart: Mapping[int, Array] = field(default_factory=dict)
 
     @property
     def applied(self) -> Array:
@@ -381,8 +381,8 @@ class LoadCase(ByFields):
             tuple(a.towards(b, share) for a, b in zip(self.motion, other.motion, strict=True)),
             other.own,
             bolts=other.bolts and self.bolts and self.bolts.towards(other.bolts, share),
-            fluid={
-                i: np.asarray((1 - share) * self.fluid.get(i, 0.0) + share * other.fluid.get(i, 0.0))
-                for i in {*self.fluid, *other.fluid}
+            apart={
+                i: np.asarray((1 - share) * self.apart.get(i, 0.0) + share * other.apart.get(i, 0.0))
+                for i in {*self.apart, *other.apart}
             },
         )

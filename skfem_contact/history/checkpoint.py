@@ -18,7 +18,7 @@ from skfem_contact.conditions.state import LoadCase, Motion, State
 from skfem_contact.errors import InputError, warn
 from skfem_contact.records import dataclass
 
-FORMAT = 7  # of the file; a file of another one is refused
+FORMAT = 8  # of the file; a file of another one is refused
 # What reading a file may raise that is damaged, or that is none of ours.
 DAMAGED = (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error)
 
@@ -106,7 +106,7 @@ def save_state(path: str | Path, result: Answer | SavedState) -> Path:
     data["dissipation_by_contact"] = result.dissipation_by_contact
     data |= {f"identity_{name}": value for name, value in result.identity.as_arrays().items()}
     data |= {"converged": result.converged, "message": result.message}
-    data |= _materials(result) | {f"fluid_{i}": value for i, value in case.fluid.items()}
+    data |= _materials(result) | {f"apart_{i}": value for i, value in case.apart.items()}
     _write(path, data)
     if not result.converged:
         warn(
@@ -206,7 +206,7 @@ def _state(path: Path, data: dict[str, Any], identity: Identity) -> SavedState:
         own=tuple(map(bool, data["case_own"])),
         scale=(scale[0], scale[1]),
         factor=scale[2],
-        fluid={int(key[6:]): data[key] for key in data if key.startswith("fluid_")},
+        apart={int(key[6:]): data[key] for key in data if key.startswith("apart_")},
     )
     lost = data["dissipation_before"], data["dissipation_by_contact"]
     converged, message = bool(data["converged"]), str(data["message"])

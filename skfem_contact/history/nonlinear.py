@@ -282,7 +282,7 @@ class NonlinearSearch:
         ratio = min(ratio, LONGER) if ratio > 0 else -GIVEN
         for ahead in (ratio * begin.trend, 0.0 * begin.trend):
             with suppress(MaterialError):
-                placed = begin.moved(system, begin.u + ahead, part.target.fluid)
+                placed = begin.moved(system, begin.u + ahead, part.target.apart)
                 forces = point_forces(kin, part.state.along(kin))
                 # the first step is whole: before it the supports have not moved
                 return self._missing(part.target, placed, forces, 1.0)._replace(norm=np.inf)
@@ -348,7 +348,7 @@ class NonlinearSearch:
             if share < 1.0:
                 way, acting = at + share * (u - at), last.forces + share * (forces - last.forces)
             try:
-                placed = self.placed.moved(system, way, case.fluid)
+                placed = self.placed.moved(system, way, case.apart)
             except MaterialError as error:
                 why = str(error)
             else:

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from skfem.assembly import LinearForm
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.result import ContactResult
@@ -40,12 +41,12 @@ class StepReader:
         names: tuple[str, ...],
         geometry: Geometry,
         own_f: Array,
-        own_fluid: Mapping[int, Array],
+        own_apart: Mapping[int, Array],
         bolts: tuple[str, ...] = (),
     ) -> None:
         self.system, self.contacts, self.names, self.bolts = system, contacts, names, bolts
         self.kin, self._own, self.own_f = geometry.kin, geometry.interference, own_f
-        self.own_fluid = own_fluid
+        self.own_apart = own_apart
         self._spans = slices(system.offsets)  # DOFs of each body
         self.point_slices = point_slices(contacts)
         d = self.kin.points.shape[1]
@@ -55,7 +56,7 @@ class StepReader:
         """The bodies' own loads and the contacts' own interference."""
         own = self._placed(np.concatenate(self._own), self._still)
         ours = (True,) * len(self.contacts)
-        loads = {"f": self.own_f, "x": self.system.x, "fluid": self.own_fluid}
+        loads = {"f": self.own_f, "x": self.system.x, "apart": self.own_apart}
         return copied(own, **loads, own=ours, scale=(1.0, 1.0), factor=1.0)
 
     def unloaded(self) -> LoadCase:
@@ -87,7 +88,7 @@ class StepReader:
             own=tuple(own),
             scale=start.scale,
             factor=start.factor,
-            fluid=start.fluid if f is None else self._times(f),
+            apart=start.apart if f is None else self._times(f),
         )
 
     def other_interference(self, start: LoadCase) -> str:
@@ -138,7 +139,7 @@ class StepReader:
                 scale=(before.scale[0] if f is None else None, before.scale[1] if x is None else None),
                 factor=None,
                 bolts=self._tightened(step.get("bolt")),
-                fluid=self._fluid(f, before.fluid),
+                apart=self._apart(f, before.apart),
             )
         try:
             factor = number(step, "a load step", "")
@@ -156,23 +157,23 @@ class StepReader:
                 "an interference is not scaled by a number, write {'interference': {...}}."
             )
         f, x = factor * self.own_f, factor * self.system.x
-        fluid = self._times(factor)
-        return copied(before, f=f, x=x, scale=(factor, factor), factor=factor, bolts=None, fluid=fluid)
+        apart = self._times(factor)
+        return copied(before, f=f, x=x, scale=(factor, factor), factor=factor, bolts=None, apart=apart)
 
     def _times(self, factor: float) -> dict[int, Array]:
-        """A multiple of the bodies' own pressures."""
-        return {i: factor * own for i, own in self.own_fluid.items()}
+        """A multiple of what is known apart of the bodies' own loads."""
+        return {i: factor * own for i, own in self.own_apart.items()}
 
-    def _fluid(self, given: Any, before: Mapping[int, Array]) -> Mapping[int, Array]:
-        """The pressures of fluids after a step that names loads, which have been read."""
+    def _apart(self, given: Any, before: Mapping[int, Array]) -> Mapping[int, Array]:
+        """What is known apart after a step that names loads, which have been read."""
         if not isinstance(given, Mapping):
             return before if given is None else {}
-        fluid: dict[int, Any] = dict(before)
+        parts: dict[int, Any] = dict(before)
         for name, value in given.items():
             i = self.system.index(name)
-            factor = np.ndim(value) == 0 and not isinstance(value, Mapping)  # on the body's own
-            fluid[i] = self._times(value).get(i) if factor else self.system.bodies[i].fluid(value)
-        return {i: pressures for i, pressures in fluid.items() if pressures is not None}
+            factor = np.ndim(value) == 0 and not isinstance(value, Mapping | LinearForm)  # on its own
+            parts[i] = self._times(value).get(i) if factor else self.system.bodies[i].apart(value)
+        return {i: part for i, part in parts.items() if part is not None}
 
     def vector(self, what: str, given: Any, before: Array, own: Array) -> Array:
         """A stacked vector from a dict by body name, a stacked vector, or None."""
@@ -213,9 +214,9 @@ class StepReader:
     ) -> Array:
         """What a step gives to one body, from what it was and what is the body's own, (n_body,)."""
         body, label = self.system.bodies[self.system.index(name)], f"{what} of body {name!r}"
+        if what == "f" and isinstance(value, Mapping | LinearForm) and not isinstance(body, RigidBody):
+            return body.load(value, label) * scale
         if isinstance(value, Mapping):
-            if what == "f" and not isinstance(body, RigidBody):
-                return body.load(value, label) * scale
             if what == "x" and isinstance(body, RigidBody):
                 body.check_held(body.numbers(value, label), label)
             return np.asarray(body.displaced(value, was / scale, label) * scale)

@@ -108,8 +108,8 @@ class ProblemSetup(NamesAttributes):
         check_passes(self.contacts, self.names)
         warn_unfelt_wear(self.contacts, self.names)
         self._stiffness, self._own_f = self.system.linearize()
-        own = enumerate(self.system.bodies)
-        self._own_fluid = {i: body.pressures for i, body in own if body.pressures is not None}
+        own = {i: body.own_apart for i, body in enumerate(self.system.bodies)}
+        self._own_apart = {i: part for i, part in own.items() if part is not None}
         for surface in (s for c in self.contacts for s in (c.secondary, c.primary)):
             # refuses what is no body of this solver
             if isinstance(surface, ContactSurface | RigidBody):
@@ -147,7 +147,7 @@ class ProblemSetup(NamesAttributes):
 
     def _new_reader(self) -> StepReader:
         mine = self.system, self.contacts, self.names, self.geometry
-        return StepReader(*mine, self._own_f, self._own_fluid, self._bolt_names)
+        return StepReader(*mine, self._own_f, self._own_apart, self._bolt_names)
 
     def _new_step_solver(self) -> StepSolver:
         stepper = Stepper(self.linear_model, self.loop, self.options)
@@ -288,8 +288,8 @@ class Variants(ProblemSetup):
         own_f[self.system.slice(own)] = own.load(f, f"f of body {name!r}") / self.system.scale(own)
         twin = self._copied()
         twin._own_f = sealed(own_f)
-        fluid = {i: own.fluid(f)}
-        twin._own_fluid = {k: p for k, p in (self._own_fluid | fluid).items() if p is not None}
+        parts = self._own_apart | {i: own.apart(f)}
+        twin._own_apart = {k: part for k, part in parts.items() if part is not None}
         twin._reader = twin._new_reader()
         twin._answering = twin._new_step_solver()
         return twin

@@ -163,13 +163,16 @@ class Elastic(Isotropic):
     def weight(
         self, acceleration: ArrayLike, measure: Callable[[Array], Array] | None = None
     ) -> LinearForm:
-        """The load of the weight under an acceleration (d,), such as ``(0, -9.81)``."""
+        """The load of the weight under an acceleration (d,), such as ``(0, -9.81)``.
+
+        A body that takes the form weighs it by its own measure.
+        """
         g = np.asarray(acceleration, dtype=float)
 
-        def load(v: Any, w: Any) -> Any:
+        def load(v: Any, w: Any, axisymmetric: bool) -> Any:
             return self.density * sum(g[i] * v[i] for i in range(len(g)))
 
-        return LinearForm(_weighed(load, measure))
+        return VolumeLoad(load, measure)
 
     def warmed(
         self,
@@ -178,13 +181,48 @@ class Elastic(Isotropic):
         *,
         axisymmetric: bool = False,
     ) -> LinearForm:
-        """The load of a temperature: a number, or a function of the component-first position."""
+        """The load of a temperature: a number, or a function of the component-first position.
 
-        def load(v: Any, w: Any) -> Any:
+        A body that takes the form weighs it by its own measure.
+        """
+
+        def load(v: Any, w: Any, axisymmetric: bool) -> Any:
             T = temperature(w.x) if callable(temperature) else temperature
             return 3.0 * self.bulk * self.expansion * T * trace(_strain(v, w, axisymmetric))
 
-        return LinearForm(_weighed(load, measure))
+        return VolumeLoad(load, measure, axisymmetric, strains=True)
+
+
+class VolumeLoad(LinearForm):
+    """The load of a material by volume, which a body weighs as its own area.
+
+    Parameters
+    ----------
+    work : callable
+        Of a test function, the fields of the form, and whether the body is axisymmetric.
+    measure : callable, optional
+        Weight of the area for those who assemble the form themselves.
+    axisymmetric : bool, optional
+    strains : bool, optional
+        Whether the load stands for strains without stress, such as those of a temperature.
+    """
+
+    def __init__(
+        self,
+        work: Callable[..., Any],
+        measure: Callable[[Array], Array] | None,
+        axisymmetric: bool = False,
+        *,
+        strains: bool = False,
+    ) -> None:
+        super().__init__(_weighed(lambda v, w: work(v, w, axisymmetric), measure))
+        self._work, self.strains = work, strains
+
+    def on(self, measure: Callable[[Array], Array] | None, axisymmetric: bool) -> LinearForm:
+        """The same load of a body with this measure; as it is where the body has none."""
+        if measure is None:
+            return self
+        return VolumeLoad(self._work, measure, axisymmetric, strains=self.strains)
 
 
 def _weighed(work: Callable[..., Any], measure: Callable[[Array], Array] | None) -> Callable[..., Any]:

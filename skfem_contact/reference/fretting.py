@@ -28,6 +28,13 @@ def tangential_shift_line(contact: HertzLine, mu: float, Q: float, distance: flo
     Relative to a surface point at `distance`, as the normal approach ``δ`` (Jäger, Ciavarella).
     The loop it makes under a cycle of Q has the area of the dissipation for distant points only,
     to ``(a/distance)²``.
+
+    Examples
+    --------
+    >>> from skfem_contact.reference import hertz_line
+    >>> line = hertz_line(P=1.0, R=1.0, E_star=1.0)
+    >>> print(f"{tangential_shift_line(line, mu=0.4, Q=0.4, distance=10 * line.a):.4f}")
+    0.8899
     """
     _load_ratio(contact, mu, Q)
     inner = contact.with_load(max(contact.P - abs(Q) / mu, 0.0))
@@ -132,6 +139,12 @@ class LayeredCantilever:
         Length, depth of each beam [length], modulus [stress].
     tau : float
         Traction at which the interface slips, ``min(μ p, tau_max)`` [stress].
+
+    Examples
+    --------
+    >>> beams = layered_cantilever(L=20.0, h=1.0, E=1e5, mu=0.3, p=1.0)
+    >>> print(f"{beams.tau} {beams.slip_force:.2f}")
+    0.3 0.40
     """
 
     L: float
@@ -205,6 +218,12 @@ class BarBetweenPlanes:
         Half height of the bar [length], modulus [stress].
     tau : float
         Traction ``μ p`` on each plane [stress].
+
+    Examples
+    --------
+    >>> bar = bar_between_planes(half_height=1.0, E=100.0, mu=0.5, p=2.0)
+    >>> print(f"{bar.tau} {bar.slip_length(10.0):.1f}")
+    1.0 10.0
     """
 
     half_height: float
@@ -281,6 +300,14 @@ class PartialSlip:
         Coefficient of friction.
     path : tuple of float
         Tangential force [force] from zero through the turning points to the present value.
+
+    Examples
+    --------
+    >>> from skfem_contact.reference import hertz_line
+    >>> line = hertz_line(P=1.0, R=1.0, E_star=1.0)
+    >>> partial = cattaneo_mindlin(line, mu=0.4, Q=0.3)
+    >>> print(f"{partial.Q} {partial.c / line.a:.4f}")
+    0.3 0.5000
     """
 
     contact: NormalContact
@@ -413,6 +440,14 @@ class CappedSliding:
         Tangential force at full sliding [force].
     capped : float
         Half width or radius of the zone where the cap holds [length].
+
+    Examples
+    --------
+    >>> from skfem_contact.reference import hertz_line
+    >>> line = hertz_line(P=1.0, R=1.0, E_star=1.0)
+    >>> slides = capped_sliding(line, mu=1.0, tau_max=0.5 * line.p0)
+    >>> print(f"{float(slides.traction(0.0)) / line.p0:.2f} {slides.capped / line.a:.6f}")
+    0.50 0.866025
     """
 
     contact: HertzLine | HertzPoint
@@ -453,7 +488,15 @@ def capped_sliding(contact: HertzLine | HertzPoint, mu: float, tau_max: float) -
 
 
 def sphere_torsion_capacity(contact: HertzPoint, mu: float) -> float:
-    """Torque that turns a Hertz point contact, ``(3π/16) μ P a`` [force length]."""
+    """Torque that turns a Hertz point contact, ``(3π/16) μ P a`` [force length].
+
+    Examples
+    --------
+    >>> from skfem_contact.reference import hertz_point
+    >>> ball = hertz_point(P=4 / 3, R=1.0, E_star=1.0)
+    >>> print(f"{sphere_torsion_capacity(ball, mu=0.4):.6f}")
+    0.314159
+    """
     return 3 * math.pi / 16 * mu * contact.P * contact.a
 
 

@@ -26,6 +26,12 @@ class UniformShear:
         The part of the slip that stays, ``slip - tau/k_t``: history for the next state [length].
     status : str
         "open", "stick" or "slip".
+
+    Examples
+    --------
+    >>> state = uniform_shear(1e-3, 3e-3, [(1.0, 1.0)], mu=0.5)
+    >>> print(f"{state.status} {state.tau / state.p:.2f}")
+    slip 0.50
     """
 
     p: float
@@ -167,6 +173,13 @@ class InclinedBlock:
         Weight [force], angle [rad], coefficient of friction, horizontal force.
     N, T : float
         Normal force, and friction force up the slope that equilibrium asks for [force].
+
+    Examples
+    --------
+    >>> import math
+    >>> block = inclined_block(100.0, math.radians(20), mu=0.3)
+    >>> print(block.slides, f"{block.pressure_offset(10.0):.4f}", block.tips(width=40.0, height=10.0))
+    True 1.8199 False
     """
 
     W: float

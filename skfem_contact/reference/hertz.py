@@ -61,6 +61,12 @@ class HertzLine:
         Effective modulus [stress].
     a : float
         Half width of contact ``sqrt(4 P R / (π E*))`` [length].
+
+    Examples
+    --------
+    >>> line = hertz_line(P=1000.0, R=100.0, E_star=110e3)
+    >>> print(f"{line.a:.4f} {line.p0:.2f} {float(line.pressure(0.5 * line.a)) / line.p0:.4f}")
+    1.0759 591.73 0.8660
     """
 
     P: float
@@ -191,6 +197,12 @@ class HertzPoint:
         Load [force], relative radius [length], effective modulus [stress].
     a : float
         Radius of contact, ``a³ = 3 P R / (4 E*)`` [length].
+
+    Examples
+    --------
+    >>> ball = hertz_point(P=4 / 3, R=1.0, E_star=1.0)
+    >>> print(f"{ball.a:.4f} {ball.approach:.4f} {ball.p0:.4f}")
+    1.0000 1.0000 0.6366
     """
 
     P: float
@@ -248,6 +260,12 @@ class QuarticLine:
         Load [force/length], coefficient of the profile [1/length³], effective modulus [stress].
     a : float
         Half width of contact, ``P = (3π/4) E* C a⁴`` [length].
+
+    Examples
+    --------
+    >>> wave = quartic_line(P=10.0, C=1e-3, E_star=1e3)
+    >>> print(f"{wave.a:.4f} {float(wave.pressure(0.0)) / wave.max_pressure:.4f}")
+    1.4353 0.7071
     """
 
     P: float

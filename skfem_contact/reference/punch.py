@@ -34,6 +34,12 @@ def round_punch_pressure(r: ArrayLike, P: float, a: float) -> Array:
     """Pressure ``P / (2 π a sqrt(a² - r²))`` under a smooth rigid round punch [stress].
 
     Source: Johnson eq. (3.34). Zero outside ``r < a``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> print(round_punch_pressure([0.0, 0.6, 1.0], P=2 * np.pi, a=1.0))
+    [1.   1.25 0.  ]
     """
     return flat_punch_pressure(r, P, a) / (2 * a)
 
@@ -73,6 +79,12 @@ class BondedPunch:
     ----------
     P, a, nu : float
         Load per unit thickness [force/length], half width [length], Poisson's ratio.
+
+    Examples
+    --------
+    >>> punch = bonded_flat_punch(P=10.0, a=1.0, nu=0.3)
+    >>> print(f"{float(punch.pressure(0.0)):.4f}")
+    3.3216
     """
 
     P: float

@@ -28,6 +28,12 @@ class Ring:
         Pressures on the inner and outer rim [stress].
     E, nu : float
         Constants of plane stress; for plane strain ``E/(1-ν²)`` and ``ν/(1-ν)``.
+
+    Examples
+    --------
+    >>> ring = Ring(a=1.0, b=2.0, p_a=3.0, p_b=0.0, E=100.0, nu=0.3)
+    >>> print(ring.hoop_stress(1.0), ring.radial_stress(1.0))
+    5.0 -3.0
     """
 
     a: float
@@ -77,6 +83,13 @@ class ConcentricRings:
         Contact pressure, zero if the rings do not touch [stress].
     gap : float
         Clearance left, zero if they touch [length].
+
+    Examples
+    --------
+    >>> steel = (200e3, 0.3)
+    >>> fit = lame_rings(1.0, 2.0, 3.0, steel, steel, interference=2e-3)
+    >>> print(f"{fit.outer.hoop_stress(2.0) / fit.pressure:.2f} {fit.gap}")
+    2.60 0.0
     """
 
     inner: Ring

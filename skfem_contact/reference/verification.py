@@ -28,6 +28,12 @@ class Equilibrium:
         "open", "stick" or "slip".
     u, reaction : ndarray, shape (2,)
         Displacement, and force of the obstacle on the node: tangential, normal.
+
+    Examples
+    --------
+    >>> held, *others = one_node_equilibria([[2.0, 0.0], [0.0, 1.0]], [0.1, -1.0], mu=0.3)
+    >>> print(held.status, held.u, held.reaction, len(others))
+    stick [0. 0.] [-0.1  1. ] 0
     """
 
     status: str

@@ -199,9 +199,15 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
         # of a body in a step over those that a user gives; or of all, with what fluids have by now
         factor, units = case.scale[not load], system.units * np.ones(1)
         own = (1.0 / units if load else units) * (1.0 if factor is None else factor)
-        if not by.field and by.along is None:
-            own = case.applied + (answer.load - case.f) if load else case.x
-        return [("f" if load else "x", FIELD, own)]
+        if by.field or by.along is not None:
+            return [("f" if load else "x", FIELD, own)]
+        if not load:
+            return [("x", FIELD, case.x)]
+        own = case.applied + (answer.load - case.f)
+        strains = (
+            [] if bolts is None else [("tension", FIELD, -bolts.thermal(case)), *_eased(tangent)[2:]]
+        )
+        return [("f", FIELD, own), *strains]
     if kind == "friction":
         on = np.zeros((kin.m, 1))
         for i, at in places:
@@ -264,9 +270,10 @@ def _in_scene(solver: Any, tangent: Tangent) -> Values:
     bodies = zip(answer.system.bodies, solver.system.bodies, solver.linear_model.stiffness, strict=True)
     borne = [_borne(there, K, answer.stretched(body)) for body, there, K in bodies]
     f = case.f + kin.B_n.T @ local.normal_force
-    for i, pressures in case.fluid.items():
-        part = solver.system.slice(solver.system.names[i])
-        f[part] += fluid_beyond(solver.system.bodies[i], pressures, u[part])[0]
+    for i, body in enumerate(solver.system.bodies):
+        if body.nonlinear and i in case.apart:
+            part = solver.system.slice(body)
+            f[part] += fluid_beyond(body, case.apart[i], u[part])[0]
     gap0 = np.where(kin.paired, case.gap0, 0.0) + np.where(kin.paired, kin.B_n @ u, 0.0)
     out = {"f": f, "x": case.x, "borne": np.concatenate(borne), "gap0": gap0[:, None]}
     out |= {"area": kin.area[:, None], "normal": kin.normal}
