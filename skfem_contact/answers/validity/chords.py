@@ -75,7 +75,9 @@ def sagittas(
         two sides of curved second-order faces leave, or these and an obstacle, is not known.
     """
     m, facets, d = len(secondary.points), secondary.facets, secondary.dim
-    own, edges = bends(secondary)
+    # nothing comes down unseen between control points, which touch early by the height over an edge
+    control = by_node and secondary.kind.taken > 0
+    own, edges = bends(secondary, halves=not control)
     if isinstance(primary, ContactSurface):
         assert facet is not None
         met, of_point = np.unique(facet, return_inverse=True)
@@ -94,7 +96,7 @@ def sagittas(
     bend = mean + of_primary
     out = _rise(others, bend)
     around = _rise(edges[:, None], bend[facets])
-    if by_node:
+    if by_node and not control:
         spread = _spread(edges, secondary.kind)
         whole = [np.abs(np.einsum("fkde,fde->fk", K[facets], spread)) for K in (bend, of_primary)]
         around = np.maximum(around, 4 * np.minimum(*whole))
@@ -134,7 +136,9 @@ def _spread(edges: Array, kind: FacetKind) -> Array:
     return np.einsum("fcd,fce->fde", edges, edges) / count
 
 
-def bends(surface: ContactSurface, some: Index | slice = EVERY) -> tuple[Array, Array]:
+def bends(
+    surface: ContactSurface, some: Index | slice = EVERY, halves: bool = True
+) -> tuple[Array, Array]:
     """Return how every facet, or some, bends, and the edges of the pieces that stand for it.
 
     Returns
@@ -143,8 +147,8 @@ def bends(surface: ContactSurface, some: Index | slice = EVERY) -> tuple[Array, 
         Tensors K; ``x' K x / |x|^2`` is the curvature along x, positive where the surface is convex, in
         the plane the same along all x [1/length].
     edges : ndarray, shape (nf, c, d)
-        Of a facet of the plane its chord. Of a quadratic facet those of its halves or quarters, unless
-        it is straight and stands for a curved boundary nevertheless [length].
+        Of a facet of the plane its chord. Of a quadratic facet, if halves are asked for, those of its
+        halves or quarters, unless it is straight and stands for a curved boundary nevertheless [length].
 
     Examples
     --------
@@ -174,7 +178,7 @@ def bends(surface: ContactSurface, some: Index | slice = EVERY) -> tuple[Array, 
             left /= np.where(size > A_TENTH * length, size, np.inf)[:, None]
             bent = bent - left[:, :, None] * left[:, None, :]
         bend = bent @ bend @ bent
-    if not surface.quadratic:
+    if not (surface.quadratic and halves):
         return bend, edges
     # a facet with its middle nodes on the curve has two parts
     halved = bowed_facets(surface.points, facets, surface.kind)
