@@ -72,7 +72,7 @@ def sagittas(
     -------
     ndarray, shape (m,)
         Zero where no side is a curve: on straight sides, kinks and polygons of less than 16 sides. What
-        two sides of curved second-order faces leave, or these and an obstacle, is not known.
+        two sides of curved second-order faces leave, or these and a curved obstacle, is not known.
     """
     m, facets, d = len(secondary.points), secondary.facets, secondary.dim
     # nothing comes down unseen between control points, which touch early by the height over an edge
@@ -85,7 +85,7 @@ def sagittas(
         curved = primary.quadratic
     else:
         of_primary, others = np.broadcast_to(primary, (m, d, d)), np.zeros((m, 1, d))
-        curved = bool(own.any())
+        curved = bool(own.any() and of_primary.any())
     # curved faces that fit are known to differ little; which of them bend is not known well enough
     fit = d == 3 and secondary.quadratic and curved
     if fit or not (own.any() or of_primary.any()):
