@@ -26,6 +26,8 @@ A long face along the axis of a cylinder has none: it is straight there. Node by
 of what comes down in the middle of a face of the secondary: there it is the height over the whole
 face, ``tr(K S) / 2`` with the mean S of ``x x'`` over its corners x seen from its middle, twice that
 over the edge of a square. What the secondary itself bends does not count in it, as its nodes are on it.
+Middle nodes halve the edges, but for control points (`pairing.node`): under a curve these touch early
+by e of the whole edge, and nothing comes down between them.
 
 A rigid cylinder, sphere or plane is met node by node: K_p is its own. The pieces of an outline or an
 STL bend as facets do. Where the bodies are pressed in by a given d that is not large beside e, forces
