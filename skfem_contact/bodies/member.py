@@ -124,11 +124,6 @@ class Member(NamesAttributes, ABC):
     thermal: np.ndarray | None = None
 
     @property
-    def own_apart(self) -> np.ndarray | None:
-        """Of the body's own load the part that `apart` finds."""
-        return self.pressures if self.nonlinear else self.thermal
-
-    @property
     def initial_state(self) -> State:
         """Internal variables of the undeformed body: none of a linear one."""
         return {}

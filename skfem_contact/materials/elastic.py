@@ -35,6 +35,9 @@ from skfem_contact.materials.tensors import (
 )
 from skfem_contact.records import dataclass
 
+#: Weight of the area, as for `Body`.
+Measure: TypeAlias = Callable[[Array], Array] | None
+
 
 @dataclass(frozen=True, eq=False)
 class Isotropic(PrintedAsCall, Material):
@@ -140,9 +143,7 @@ class Elastic(Isotropic):
         thermal = self.expansion * np.asarray(temperature, dtype=float)
         return self.hooke(strain - thermal * unit(strain.ndim - 2))
 
-    def form(
-        self, measure: Callable[[Array], Array] | None = None, *, axisymmetric: bool = False
-    ) -> BilinearForm:
+    def form(self, measure: Measure = None, *, axisymmetric: bool = False) -> BilinearForm:
         """The stiffness form.
 
         Parameters
@@ -160,9 +161,7 @@ class Elastic(Isotropic):
 
         return BilinearForm(_weighed(energy, measure))
 
-    def weight(
-        self, acceleration: ArrayLike, measure: Callable[[Array], Array] | None = None
-    ) -> LinearForm:
+    def weight(self, acceleration: ArrayLike, measure: Measure = None) -> LinearForm:
         """The load of the weight under an acceleration (d,), such as ``(0, -9.81)``.
 
         A body that takes the form weighs it by its own measure.
@@ -175,11 +174,7 @@ class Elastic(Isotropic):
         return VolumeLoad(load, measure)
 
     def warmed(
-        self,
-        temperature: Any,
-        measure: Callable[[Array], Array] | None = None,
-        *,
-        axisymmetric: bool = False,
+        self, temperature: Any, measure: Measure = None, *, axisymmetric: bool = False
     ) -> LinearForm:
         """The load of a temperature: a number, or a function of the component-first position.
 
@@ -210,22 +205,20 @@ class VolumeLoad(LinearForm):
     def __init__(
         self,
         work: Callable[..., Any],
-        measure: Callable[[Array], Array] | None,
+        measure: Measure,
         axisymmetric: bool = False,
-        *,
         strains: bool = False,
     ) -> None:
         super().__init__(_weighed(lambda v, w: work(v, w, axisymmetric), measure))
         self._work, self.strains = work, strains
 
-    def on(self, measure: Callable[[Array], Array] | None, axisymmetric: bool) -> LinearForm:
+    def on(self, measure: Measure, axisymmetric: bool) -> LinearForm:
         """The same load of a body with this measure; as it is where the body has none."""
-        if measure is None:
-            return self
-        return VolumeLoad(self._work, measure, axisymmetric, strains=self.strains)
+        other = VolumeLoad(self._work, measure, axisymmetric, strains=self.strains)
+        return self if measure is None else other
 
 
-def _weighed(work: Callable[..., Any], measure: Callable[[Array], Array] | None) -> Callable[..., Any]:
+def _weighed(work: Callable[..., Any], measure: Measure) -> Callable[..., Any]:
     """The work of a form with the weight of the area."""
     return work if measure is None else lambda *fields: work(*fields) * measure(fields[-1].x)
 

@@ -26,6 +26,8 @@ A long face along the axis of a cylinder has none: it is straight there. Node by
 of what comes down in the middle of a face of the secondary: there it is the height over the whole
 face, ``tr(K S) / 2`` with the mean S of ``x x'`` over its corners x seen from its middle, twice that
 over the edge of a square. What the secondary itself bends does not count in it, as its nodes are on it.
+Middle nodes halve the edges, but for control points (`pairing.node`): under a curve these touch early
+by e of the whole edge, and nothing comes down between them.
 
 A rigid cylinder, sphere or plane is met node by node: K_p is its own. The pieces of an outline or an
 STL bend as facets do. Where the bodies are pressed in by a given d that is not large beside e, forces
@@ -72,10 +74,12 @@ def sagittas(
     -------
     ndarray, shape (m,)
         Zero where no side is a curve: on straight sides, kinks and polygons of less than 16 sides. What
-        two sides of curved second-order faces leave, or these and an obstacle, is not known.
+        two sides of curved second-order faces leave, or these and a curved obstacle, is not known.
     """
     m, facets, d = len(secondary.points), secondary.facets, secondary.dim
-    own, edges = bends(secondary)
+    # nothing comes down unseen between control points, which touch early by the height over an edge
+    control = by_node and secondary.kind.taken > 0
+    own, edges = bends(secondary, halves=not control)
     if isinstance(primary, ContactSurface):
         assert facet is not None
         met, of_point = np.unique(facet, return_inverse=True)
@@ -83,7 +87,7 @@ def sagittas(
         curved = primary.quadratic
     else:
         of_primary, others = np.broadcast_to(primary, (m, d, d)), np.zeros((m, 1, d))
-        curved = bool(own.any())
+        curved = bool(own.any() and of_primary.any())
     # curved faces that fit are known to differ little; which of them bend is not known well enough
     fit = d == 3 and secondary.quadratic and curved
     if fit or not (own.any() or of_primary.any()):
@@ -94,7 +98,7 @@ def sagittas(
     bend = mean + of_primary
     out = _rise(others, bend)
     around = _rise(edges[:, None], bend[facets])
-    if by_node:
+    if by_node and not control:
         spread = _spread(edges, secondary.kind)
         whole = [np.abs(np.einsum("fkde,fde->fk", K[facets], spread)) for K in (bend, of_primary)]
         around = np.maximum(around, 4 * np.minimum(*whole))
@@ -134,7 +138,9 @@ def _spread(edges: Array, kind: FacetKind) -> Array:
     return np.einsum("fcd,fce->fde", edges, edges) / count
 
 
-def bends(surface: ContactSurface, some: Index | slice = EVERY) -> tuple[Array, Array]:
+def bends(
+    surface: ContactSurface, some: Index | slice = EVERY, halves: bool = True
+) -> tuple[Array, Array]:
     """Return how every facet, or some, bends, and the edges of the pieces that stand for it.
 
     Returns
@@ -143,8 +149,8 @@ def bends(surface: ContactSurface, some: Index | slice = EVERY) -> tuple[Array, 
         Tensors K; ``x' K x / |x|^2`` is the curvature along x, positive where the surface is convex, in
         the plane the same along all x [1/length].
     edges : ndarray, shape (nf, c, d)
-        Of a facet of the plane its chord. Of a quadratic facet those of its halves or quarters, unless
-        it is straight and stands for a curved boundary nevertheless [length].
+        Of a facet of the plane its chord. Of a quadratic facet, if halves are asked for, those of its
+        halves or quarters, unless it is straight and stands for a curved boundary all the same [length].
 
     Examples
     --------
@@ -174,7 +180,7 @@ def bends(surface: ContactSurface, some: Index | slice = EVERY) -> tuple[Array, 
             left /= np.where(size > A_TENTH * length, size, np.inf)[:, None]
             bent = bent - left[:, :, None] * left[:, None, :]
         bend = bent @ bend @ bent
-    if not surface.quadratic:
+    if not (surface.quadratic and halves):
         return bend, edges
     # a facet with its middle nodes on the curve has two parts
     halved = bowed_facets(surface.points, facets, surface.kind)
