@@ -150,7 +150,7 @@ def bends(
         the plane the same along all x [1/length].
     edges : ndarray, shape (nf, c, d)
         Of a facet of the plane its chord. Of a quadratic facet, if halves are asked for, those of its
-        halves or quarters, unless it is straight and stands for a curved boundary all the same [length].
+        halves or quarters, unless it is straight and stands for a curved boundary even so [length].
 
     Examples
     --------
