@@ -302,7 +302,7 @@ class Bolts:
 
     def posed(self, case: LoadCase, shift: Array, force: Array, kept: Mask | None = None) -> LoadCase:
         """A load case with shifts, or forces where these are not NaN, in its load."""
-        drawn = np.where(np.isnan(force), shift, (force + self._strained(case)) / self.k)
+        drawn = np.where(np.isnan(force), shift, (force + self.slides @ self.thermal(case)) / self.k)
         f = case.applied - self.pulls.T @ drawn
         return copied(case, f=f, bolts=BoltLoads(shift, force, case.applied, kept))
 
@@ -336,24 +336,18 @@ class Bolts:
 
     def found(self, case: LoadCase, u: Array) -> ByBolt:
         """Shift and force of each bolt from all displacements, (n,)."""
-        held, pulled = case.bolts, self.pulls @ u - self._strained(case)
+        held, pulled = case.bolts, self.pulls @ u - self.slides @ self.thermal(case)
         assert held is not None
         shift = np.where(held.given, (held.force - pulled) / self.k, held.shift)
         both = zip(shift.tolist(), (pulled + self.k * shift).tolist(), strict=True)
         return dict(zip(self.names, both, strict=True))
 
-    def thermal(self, case: LoadCase) -> csr_matrix:
-        """The loads of temperatures on the nodes beyond each section, along its axis, (b, n)."""
+    def thermal(self, case: LoadCase) -> Array:
+        """The loads of temperatures on bodies with bolts, (n,) [force]."""
         loads = np.zeros(self.slides.shape[1])
         for i, span in zip(self._body, self._span, strict=True):
             loads[span] = case.apart.get(i, 0.0)
-        return csr_matrix(self.slides.multiply(loads))
-
-    def _strained(self, case: LoadCase) -> Array:
-        """The sums of `thermal`, (b,)."""
-        return (
-            self.thermal(case) @ np.ones(self.slides.shape[1]) if case.apart else np.zeros(len(self.k))
-        )
+        return loads
 
     def stretched(self, u: Array, known: ByBolt) -> Array:
         """All displacements (n,) that have the strains of bodies: with the bolts drawn together."""

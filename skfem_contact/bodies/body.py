@@ -172,7 +172,7 @@ class Body(Meshed):
         for key, value in values.items():
             object.__setattr__(self, key, value)
         object.__setattr__(self, "f", self.load(f, f"f of {whose}"))
-        object.__setattr__(self, "thermal", self.f if _strains(f) else None)
+        object.__setattr__(self, "thermal", self.apart(f, self.f))
         object.__setattr__(self, "x", self.prescribed(x, D is None, whose))
         seal(self)
 
@@ -296,8 +296,8 @@ class Body(Meshed):
             f = f.on(self.measure, self.axisymmetric)
         return load_of(f, self.basis, what)
 
-    def apart(self, f: Any) -> Array | None:
-        return self.load(f, "f") if _strains(f) else None
+    def apart(self, f: Any, load: Array) -> Array | None:
+        return load if isinstance(f, VolumeLoad) and f.strains else None
 
     def prescribed(self, x: Any, no_D: bool, whose: str) -> Array:
         """Values (n,) of the prescribed DOFs that a user means: a vector, or by boundary name."""
@@ -446,11 +446,6 @@ class Body(Meshed):
             Nothing selected, unknown names (the message lists those known), degenerate facets.
         """
         return extract_surface(self, where, nodes=nodes, name=name)
-
-
-def _strains(f: Any) -> bool:
-    """Whether a load stands for strains without stress."""
-    return isinstance(f, VolumeLoad) and f.strains
 
 
 @dataclass(frozen=True, eq=False)

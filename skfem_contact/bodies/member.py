@@ -153,8 +153,8 @@ class Member(NamesAttributes, ABC):
     def load(self, f: Any, what: str) -> np.ndarray:
         """The load (n,) that a user means: a vector, or a dict by what it acts on."""
 
-    def apart(self, f: Any) -> np.ndarray | None:
-        """Return what has to be known of a load beside its vector: None as a rule.
+    def apart(self, f: Any, load: np.ndarray) -> np.ndarray | None:
+        """Return what has to be known of a load f beside its vector, (n,): None as a rule.
 
         Pressures that follow the deformed boundary, by facet; of a linear body the load (n,) that
         stands for strains of a temperature, which is no force [stress], [force].

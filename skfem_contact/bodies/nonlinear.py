@@ -244,6 +244,9 @@ class NonlinearBody(Body):
         pressures = self.fluid(varying)
         return load if pressures is None else load + self.pressed(pressures)[0]
 
+    def apart(self, f: Any, load: Array) -> Array | None:
+        return self.fluid(f)
+
     def fluid(self, f: Any) -> Array | None:
         """Pressures of fluids on all facets of the mesh (k,), of a load by boundary name [stress]."""
         if not self.finite_strain or not isinstance(f, Mapping):
@@ -257,8 +260,6 @@ class NonlinearBody(Body):
                 pressures[facets] += _pressure(value, middle, name) if callable(value) else value
         check_finite(pressures, "a pressure", "facet")
         return pressures if pressures.any() else None
-
-    apart = fluid
 
     def pressed(self, pressures: Array, u: ArrayLike | None = None) -> tuple[Array, csr_matrix]:
         """The load of fluids on the boundary as it stands at displacements u, and its derivative by u.

@@ -132,14 +132,15 @@ class StepReader:
                     "a dict by body, contact, obstacle or bolt name."
                 )
             f, x = step.get("f"), step.get("x")
+            load = self.vector("f", f, before.f, self.own_f)
             return copied(
                 self._moved(step.get("interference"), step.get("motion"), before),
-                f=self.vector("f", f, before.f, self.own_f),
+                f=load,
                 x=self.vector("x", x, before.x, self.system.x),
                 scale=(before.scale[0] if f is None else None, before.scale[1] if x is None else None),
                 factor=None,
                 bolts=self._tightened(step.get("bolt")),
-                apart=self._apart(f, before.apart),
+                apart=self._apart(f, load, before.apart),
             )
         try:
             factor = number(step, "a load step", "")
@@ -164,15 +165,16 @@ class StepReader:
         """A multiple of what is known apart of the bodies' own loads."""
         return {i: factor * own for i, own in self.own_apart.items()}
 
-    def _apart(self, given: Any, before: Mapping[int, Array]) -> Mapping[int, Array]:
-        """What is known apart after a step that names loads, which have been read."""
+    def _apart(self, given: Any, load: Array, before: Mapping[int, Array]) -> Mapping[int, Array]:
+        """What is known apart after a step that names loads, which have been read, (n,)."""
         if not isinstance(given, Mapping):
             return before if given is None else {}
         parts: dict[int, Any] = dict(before)
         for name, value in given.items():
             i = self.system.index(name)
             factor = np.ndim(value) == 0 and not isinstance(value, Mapping | LinearForm)  # on its own
-            parts[i] = self._times(value).get(i) if factor else self.system.bodies[i].apart(value)
+            body, own = self.system.bodies[i], load[self._spans[i]]
+            parts[i] = self._times(value).get(i) if factor else body.apart(value, own)
         return {i: part for i, part in parts.items() if part is not None}
 
     def vector(self, what: str, given: Any, before: Array, own: Array) -> Array:

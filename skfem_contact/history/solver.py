@@ -285,10 +285,11 @@ class Variants(ProblemSetup):
         i = self.system.index(body)
         own, name = self.system.bodies[i], self.system.names[i]
         own_f = np.array(self._own_f)
-        own_f[self.system.slice(own)] = own.load(f, f"f of body {name!r}") / self.system.scale(own)
+        load = own.load(f, f"f of body {name!r}")
+        own_f[self.system.slice(own)] = load / self.system.scale(own)
         twin = self._copied()
         twin._own_f = sealed(own_f)
-        parts = self._own_apart | {i: own.apart(f)}
+        parts = self._own_apart | {i: own.apart(f, load)}
         twin._own_apart = {k: part for k, part in parts.items() if part is not None}
         twin._reader = twin._new_reader()
         twin._answering = twin._new_step_solver()

@@ -171,7 +171,7 @@ class Elastic(Isotropic):
         def load(v: Any, w: Any, axisymmetric: bool) -> Any:
             return self.density * sum(g[i] * v[i] for i in range(len(g)))
 
-        return VolumeLoad(load, measure)
+        return VolumeLoad(load, measure, axisymmetric=False, strains=False)
 
     def warmed(
         self, temperature: Any, measure: Measure = None, *, axisymmetric: bool = False
@@ -195,27 +195,24 @@ class VolumeLoad(LinearForm):
     ----------
     work : callable
         Of a test function, the fields of the form, and whether the body is axisymmetric.
-    measure : callable, optional
+    measure : callable or None
         Weight of the area for those who assemble the form themselves.
-    axisymmetric : bool, optional
-    strains : bool, optional
+    axisymmetric : bool
+    strains : bool
         Whether the load stands for strains without stress, such as those of a temperature.
     """
 
     def __init__(
-        self,
-        work: Callable[..., Any],
-        measure: Measure,
-        axisymmetric: bool = False,
-        strains: bool = False,
+        self, work: Callable[..., Any], measure: Measure, axisymmetric: bool, strains: bool
     ) -> None:
         super().__init__(_weighed(lambda v, w: work(v, w, axisymmetric), measure))
         self._work, self.strains = work, strains
 
     def on(self, measure: Measure, axisymmetric: bool) -> LinearForm:
         """The same load of a body with this measure; as it is where the body has none."""
-        other = VolumeLoad(self._work, measure, axisymmetric, strains=self.strains)
-        return self if measure is None else other
+        if measure is None:
+            return self
+        return VolumeLoad(self._work, measure, axisymmetric, self.strains)
 
 
 def _weighed(work: Callable[..., Any], measure: Measure) -> Callable[..., Any]:

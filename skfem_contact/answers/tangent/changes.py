@@ -20,6 +20,7 @@ from skfem_contact.answers.tangent.rates import Maps, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import known_keywords, numbers, shown
 from skfem_contact.arrays import Array
+from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.bodies.member import Member
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.friction import Coulomb, Tresca
@@ -203,11 +204,11 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
             return [("f" if load else "x", FIELD, own)]
         if not load:
             return [("x", FIELD, case.x)]
-        own = case.applied + (answer.load - case.f)
-        strains = (
-            [] if bolts is None else [("tension", FIELD, -bolts.thermal(case)), *_eased(tangent)[2:]]
-        )
-        return [("f", FIELD, own), *strains]
+        maps: Maps = [("f", FIELD, case.applied + (answer.load - case.f))]
+        if bolts is not None:
+            heat = bolts.slides.multiply(bolts.thermal(case))
+            maps += [("tension", FIELD, -heat), _drive(tangent, bolts)]
+        return maps
     if kind == "friction":
         on = np.zeros((kin.m, 1))
         for i, at in places:
@@ -307,9 +308,13 @@ def _eased(tangent: Tangent) -> Maps:
     """Changes of loads, and of stretch and force of bolts, from those of what all bodies bear, (n,)."""
     maps: Maps = [("f", "borne", -np.ones(1))]
     if (bolts := tangent.bolts) is not None:
-        slides = np.where(tangent.tightened, -1.0 / bolts.k, 0.0)
-        maps += [("tension", "borne", bolts.slides), ("drive", "tension", slides)]
+        maps += [("tension", "borne", bolts.slides), _drive(tangent, bolts)]
     return maps
+
+
+def _drive(tangent: Tangent, bolts: Bolts) -> tuple[str, str, Array]:
+    """Change of the stretch of bolts with a given force from that of their tension, both (b,)."""
+    return "drive", "tension", np.where(tangent.tightened, -1.0 / bolts.k, 0.0)
 
 
 # -- whose ----------------------------------------------------------------------------------------
