@@ -321,7 +321,7 @@ def _on_its_basis(basis: Any, what: str) -> Iterator[None]:
             "displacements, w['u'], is not linear: sc.NonlinearBody(basis, residual=..., tangent=...). "
             "For another field assemble here and pass what comes out: K=form.assemble(basis, u=...)"
         ) from error
-    except ValueError as error:
+    except (ValueError, IndexError) as error:
         vector = isinstance(basis.elem, skfem.ElementVector)
         made = "displacements, skfem.ElementVector(...)" if vector else "a scalar field"
         raise InputError(
