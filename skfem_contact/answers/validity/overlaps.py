@@ -251,7 +251,8 @@ def between(result: Answer, i: int, secondary: Boundary, primary: Boundary) -> M
             points, depth = points[depth > noise], depth[depth > noise]
             depth = less_added(depth, points, nodes[paired], added[paired])
             beyond = float(np.max(depth, initial=0.0)) - explained
-            if len(points) and depth.max() > 0 and beyond > best.overlap - best.chords:
+            # of two sides that symmetry makes alike round-off chooses none
+            if len(points) and depth.max() > 0 and beyond * (1 - SOLVED) > best.overlap - best.chords:
                 worst = first_largest(depth)
                 best = Meeting(float(depth[worst]), 0, 0.0, explained, points[worst], k)
     lonely = primary.depth(nodes[~paired]) > max(sum(chords), noise)
