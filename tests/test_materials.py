@@ -366,10 +366,11 @@ def test_weight_and_warmth_of_a_ring():
             sc.Body(basis, steel, f=load, **measure).f, warm.assemble(basis), atol=1e-12 * E
         )
     assert_allclose(sc.Body(basis, steel, f=steel.weight((0, -10.0)), **measure).f, weight, rtol=1e-12)
-    with pytest.raises(
-        sc.errors.InputError, match="f of body 'ring' is a form that can not be assembled"
-    ):
-        sc.Body(basis, steel, f=steel.weight((0.0, 0.0, -10.0)), name="ring")  # of a solid
+    for form in (steel.form(), steel.form(**measure, axisymmetric=True)):
+        assert abs(sc.Body(basis, form, **measure).K - sc.Body(basis, steel, **measure).K).max() == 0.0
+    for wrong in ((0.0, 0.0, -10.0), (-10.0,), -10.0):
+        with pytest.raises(sc.errors.InputError, match="in 2-D: give its components"):
+            sc.Body(basis, steel, f=steel.weight(wrong), name="ring")
     ring = sc.Body(basis, steel, f=warm, D=held, **measure)
     u = fem.solve(*fem.condense(ring.K, ring.f, D=ring.D))
     free = 1e-3 * basis.doflocs[ring.dof_component, np.arange(ring.n)]

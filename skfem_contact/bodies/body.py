@@ -42,7 +42,7 @@ from skfem_contact.bodies.quadrature import volume
 from skfem_contact.bodies.selection import displacements, pieces, tractions
 from skfem_contact.bodies.surface import ContactSurface, extract_surface
 from skfem_contact.errors import InputError
-from skfem_contact.materials.elastic import Elastic, VolumeLoad
+from skfem_contact.materials.elastic import Elastic, OfMaterial
 from skfem_contact.records import dataclass
 from skfem_contact.sealed import can_be_carried, carried, seal
 
@@ -286,18 +286,18 @@ class Body(Meshed):
 
     def _form(self, K: Any) -> Any:
         """The form of an elastic material on this body; anything else as it is."""
-        return K.form(self.measure, axisymmetric=self.axisymmetric) if isinstance(K, Elastic) else K
+        if isinstance(K, Elastic):
+            K = K.form()
+        return K.on(self.measure, self.axisymmetric) if isinstance(K, OfMaterial) else K
 
     def load(self, f: Any, what: str) -> Array:
         """The load (n,) that a user means: a vector, a form, or tractions by boundary name."""
         if isinstance(f, Mapping):
             return tractions(f, self.basis, self.measure, what)
-        if isinstance(f, VolumeLoad):
-            f = f.on(self.measure, self.axisymmetric)
-        return load_of(f, self.basis, what)
+        return load_of(self._form(f), self.basis, what)
 
     def apart(self, f: Any, load: Array) -> Array | None:
-        return load if isinstance(f, VolumeLoad) and f.strains else None
+        return load if isinstance(f, OfMaterial) and f.strains else None
 
     def prescribed(self, x: Any, no_D: bool, whose: str) -> Array:
         """Values (n,) of the prescribed DOFs that a user means: a vector, or by boundary name."""

@@ -152,14 +152,18 @@ class Elastic(Isotropic):
             Weight of the area, as for `Body`.
         axisymmetric : bool, optional
             With the hoop strain ``u_r / r``.
+
+        Notes
+        -----
+        A body that takes the form weighs it by its own measure.
         """
         lam, mu = self.bulk - 2.0 / 3.0 * self.shear, self.shear
 
-        def energy(u: Any, v: Any, w: Any) -> Any:
+        def energy(u: Any, v: Any, w: Any, axisymmetric: bool) -> Any:
             a, b = (_strain(field, w, axisymmetric) for field in (u, v))
             return lam * trace(a) * trace(b) + 2.0 * mu * ddot(a, b)
 
-        return BilinearForm(_weighed(energy, measure))
+        return VolumeStiffness(energy, measure, axisymmetric)
 
     def weight(self, acceleration: ArrayLike, measure: Measure = None) -> LinearForm:
         """The load of the weight under an acceleration (d,), such as ``(0, -9.81)``.
@@ -169,9 +173,11 @@ class Elastic(Isotropic):
         g = np.asarray(acceleration, dtype=float)
 
         def load(v: Any, w: Any, axisymmetric: bool) -> Any:
+            if g.shape != (len(w.x),):
+                raise InputError(f"acceleration {g} of a body in {len(w.x)}-D: give its components")
             return self.density * sum(g[i] * v[i] for i in range(len(g)))
 
-        return VolumeLoad(load, measure, axisymmetric=False, strains=False)
+        return VolumeLoad(load, measure, axisymmetric=False)
 
     def warmed(
         self, temperature: Any, measure: Measure = None, *, axisymmetric: bool = False
@@ -188,36 +194,40 @@ class Elastic(Isotropic):
         return VolumeLoad(load, measure, axisymmetric, strains=True)
 
 
-class VolumeLoad(LinearForm):
-    """The load of a material by volume, which a body weighs as its own area.
+class OfMaterial:
+    """A form of a material by volume, which a body weighs as its own area.
 
     Parameters
     ----------
     work : callable
-        Of a test function, the fields of the form, and whether the body is axisymmetric.
+        Of the fields of the form, and whether the body is axisymmetric.
     measure : callable or None
         Weight of the area for those who assemble the form themselves.
     axisymmetric : bool
     strains : bool
-        Whether the load stands for strains without stress, such as those of a temperature.
+        Whether a load stands for strains without stress, such as those of a temperature.
     """
 
-    def __init__(
-        self, work: Callable[..., Any], measure: Measure, axisymmetric: bool, strains: bool
-    ) -> None:
-        super().__init__(_weighed(lambda v, w: work(v, w, axisymmetric), measure))
+    def __init__(self, work: Any, measure: Measure, axisymmetric: bool, strains: bool = False) -> None:
+        def weighed(*fields: Any) -> Any:
+            found = work(*fields, axisymmetric)
+            return found if measure is None else found * measure(fields[-1].x)
+
+        super().__init__(weighed)  # type: ignore[call-arg]
         self._work, self.strains = work, strains
 
-    def on(self, measure: Measure, axisymmetric: bool) -> LinearForm:
-        """The same load of a body with this measure; as it is where the body has none."""
-        if measure is None:
-            return self
-        return VolumeLoad(self._work, measure, axisymmetric, self.strains)
+    def on(self, measure: Measure, axisymmetric: bool) -> Any:
+        """The same form of a body with this measure; as it is where the body has none."""
+        known = self._work, measure, axisymmetric, self.strains
+        return self if measure is None else type(self)(*known)
 
 
-def _weighed(work: Callable[..., Any], measure: Measure) -> Callable[..., Any]:
-    """The work of a form with the weight of the area."""
-    return work if measure is None else lambda *fields: work(*fields) * measure(fields[-1].x)
+class VolumeLoad(OfMaterial, LinearForm):
+    """The load of a material by volume."""
+
+
+class VolumeStiffness(OfMaterial, BilinearForm):
+    """The stiffness of a material."""
 
 
 def _strain(u: Any, w: Any, axisymmetric: bool) -> Array:
