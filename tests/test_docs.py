@@ -105,6 +105,26 @@ def test_every_public_name_has_an_example(name: str, thing: Any) -> None:
     assert ">>> " in (thing.__doc__ or ""), name
 
 
+#: What a script calls: of these the methods too.
+OF_SCRIPTS = sc.ContactSolver, sc.answers.ContactResult, sc.answers.ContactValues, sc.Elastic
+
+
+def test_methods_of_scripts_have_examples() -> None:
+    """Every method of the classes that scripts call is shown in an example of the reference."""
+    documented = list(PUBLIC.values())
+    for thing in PUBLIC.values():
+        documented += vars(thing).values() if inspect.isclass(thing) else ()
+    lines = [line for thing in documented for line in (inspect.getdoc(thing) or "").splitlines()]
+    shown = "".join(line for line in lines if line.startswith((">>>", "...")))
+    lacking = [
+        f"{owner.__name__}.{name}"
+        for owner in OF_SCRIPTS
+        for name, thing in vars(owner).items()
+        if name[0] != "_" and inspect.isfunction(thing) and f".{name}(" not in shown
+    ]
+    assert not lacking
+
+
 #: Words that begin a fragment: what a thing is, in the place of a sentence.
 FRAGMENT = re.compile(r"(What|Whether|Those|That|How|Where|Which|Of|From|By|In|If|When|For)\b")
 

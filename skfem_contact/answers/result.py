@@ -199,6 +199,24 @@ class ContactResult(ByContact):
         ------
         InputError
             There is no such body, it keeps no material, or its stiffness was replaced.
+
+        Examples
+        --------
+        A bar of unit modulus that is pressed by 1 % of its height:
+
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> block = sc.Body(basis, sc.Elastic(1.0, 0.0), D="top", name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+        >>> solver = sc.ContactSolver(block, foot)
+        >>> result = solver.solve(x={"block": {"top": (0.0, -0.01)}})
+        >>> stress = result.stress("block")
+        >>> stress.shape, f"{stress[1, 1].min():.4f}"
+        ((3, 3, 16, 9), '-0.0100')
         """
         i = self.system.index(body)
         own, name = self.system.bodies[i], self.system.names[i]
@@ -270,6 +288,21 @@ class ContactResult(ByContact):
         """A table of all contacts: force, moment, closed share, slip margin, pressure, energy lost.
 
         It prints, shows in notebooks, and gives a pandas frame by ``.to_frame()``; see `Joint`.
+
+        Examples
+        --------
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> block = sc.Body(basis, sc.Elastic(1.0, 0.0), D="top", name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+        >>> solver = sc.ContactSolver(block, foot)
+        >>> result = solver.solve(x={"block": {"top": (0.02, -0.01)}})
+        >>> [(joint.name, f"{joint.slip_margin:.2f}") for joint in result.joints()]
+        [('foot', '0.00')]
         """
         return Joints([Joint.of(values) for values in self.values])
 
@@ -381,6 +414,23 @@ class ContactResult(ByContact):
         ------
         InputError
             This answer has no derivatives, or none by this; the message says why.
+
+        Examples
+        --------
+        A block that slips as a whole: its friction is proportional to the coefficient.
+
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> block = sc.Body(basis, sc.Elastic(1.0, 0.0), D="top", name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+        >>> solver = sc.ContactSolver(block, foot)
+        >>> result = solver.solve(x={"block": {"top": (0.02, -0.01)}})
+        >>> result.sensitivity("friction").force.round(9).tolist()
+        [-0.01, -0.0]
         """
         from skfem_contact.answers.tangent.derivatives import sensitivity
 
@@ -395,6 +445,25 @@ class ContactResult(ByContact):
         -----
         ContactWarning
             As `validity` does.
+
+        Examples
+        --------
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> block = sc.Body(basis, sc.Elastic(1.0, 0.0), D="top", name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+        >>> solver = sc.ContactSolver(block, foot)
+        >>> result = solver.solve(x={"block": {"top": (0.02, -0.01)}})
+        >>> print(result.report())
+        Contact result: converged in ...
+        <BLANKLINE>
+        foot: block/bottom on floor
+          Coulomb: 0 open, 0 stick, 5 slip
+        ...
         """
         lines = [*_first_lines(self, estimate=True), "", _verdict(self)]
         lines += str(self.validity).splitlines()

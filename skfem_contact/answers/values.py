@@ -246,6 +246,23 @@ class ContactValues(NamesAttributes):
         -------
         float, or ndarray (3,) in 3-D
             [force length]
+
+        Examples
+        --------
+        A block of unit width, pressed by 1 % and pushed aside: its forces lie ahead of the middle.
+
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> block = sc.Body(basis, sc.Elastic(1.0, 0.0), D="top", name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+        >>> solver = sc.ContactSolver(block, foot)
+        >>> result = solver.solve(x={"block": {"top": (0.02, -0.01)}})
+        >>> f"{result.moment():.4f}, {result.moment((0.5, 0.0)):.4f}"
+        '0.0065, 0.0015'
         """
         d, F = self.points.shape[1], self.forces
         centre = np.zeros(d) if about is None else numbers(about, "about", f"give {d} coordinates")
@@ -298,6 +315,21 @@ class ContactValues(NamesAttributes):
         Returns
         -------
         ndarray, shape (p, ...)
+
+        Examples
+        --------
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> block = sc.Body(basis, sc.Elastic(1.0, 0.0), D="top", name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+        >>> solver = sc.ContactSolver(block, foot)
+        >>> result = solver.solve(x={"block": {"top": (0.02, -0.01)}})
+        >>> result.interpolate(result.pressure, [(0.5, 0.0)]).shape
+        (1,)
         """
         d = self.points.shape[1]
         at = numbers(points, "points", f"give positions (p, {d})")

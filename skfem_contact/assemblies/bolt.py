@@ -115,6 +115,12 @@ class Bolt(NamesAttributes):
     ...     print(f"{result.bolts['bolt 1'].force:.9f}, {result.bolts['bolt 1'].stretch:.9f}")
     10.000000000, 0.500000000
     11.000000000, 0.500000000
+
+    With the bolt drawn together the rod is strained alike all along:
+
+    >>> u = result.stretched("rod")[basis.nodal_dofs[1]]
+    >>> float((np.ptp(u) / 50).round(9))
+    0.011
     """
 
     body: Body

@@ -580,6 +580,26 @@ class ContactSolver(Variants):
         are not named stay). ``{"x": {"punch": {"top": (0.0, -0.01)}}}`` is a
         constant displacement [length] of prescribed DOFs; those of other boundaries stay as they
         were. None stands for a component that is free there.
+
+        Examples
+        --------
+        A block that is pressed, and pushed aside until it slips:
+
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> block = sc.Body(basis, sc.Elastic(1.0, 0.0), D="top", name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+        >>> solver = sc.ContactSolver(block, foot)
+        >>> steps = [{"x": {"block": {"top": (push, -0.01)}}} for push in (0.0, 0.001, 0.02)]
+        >>> for result in solver.history(steps):
+        ...     print(f"{result.force[0]:.4f}", result.status.tolist())
+        0.0000 [1, 1, 1, 1, 1]
+        -0.0003 [1, 1, 1, 1, 1]
+        -0.0030 [2, 2, 2, 2, 2]
         """
         check_switch(progress, "history: progress")
         before = self._answering.known(start, "start")
@@ -648,6 +668,24 @@ class ContactSolver(Variants):
         ------
         NotConverged, NoEquilibrium
             Of the first case that has no answer.
+
+        Examples
+        --------
+        A block that is pressed, or pushed aside as well:
+
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> block = sc.Body(basis, sc.Elastic(1.0, 0.0), D="top", name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+        >>> solver = sc.ContactSolver(block, foot)
+        >>> ways = {"pressed": (0.0, -0.01), "pushed": (0.02, -0.01)}
+        >>> cases = solver.cases({name: {"x": {"block": {"top": way}}} for name, way in ways.items()})
+        >>> [f"{cases[name].force[0]:.4f}" for name in ways]
+        ['0.0000', '-0.0030']
         """
         if not isinstance(steps, Mapping) or not steps:
             raise InputError(f"cases are {shown(steps)}; give a dict, {{'name': step, ...}}")
@@ -853,6 +891,26 @@ class ContactSolver(Variants):
         ------
         InputError
             There is no derivative; the message says why.
+
+        Examples
+        --------
+        How does the force of a block that sticks, then slips, depend on the coefficient of friction?
+
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> block = sc.Body(basis, sc.Elastic(1.0, 0.0), D="top", name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+        >>> solver = sc.ContactSolver(block, foot)
+        >>> steps = [{"x": {"block": {"top": (push, -0.01)}}} for push in (0.0, 0.001, 0.02)]
+        >>> def observe(results):
+        ...     values = [result.force[0] for result in results]
+        ...     return values, [{i: {"force": (1.0, 0.0)}} for i in range(len(results))]
+        >>> solver.jacobian(observe, steps, by="friction").matrix.round(12).tolist()
+        [[0.0], [0.0], [-0.01]]
         """
         from skfem_contact.answers.tangent.derivatives import jacobian
 
@@ -888,6 +946,28 @@ class ContactSolver(Variants):
         -----
         ContactWarning
             The result did not converge: no history can go on from it.
+
+        Examples
+        --------
+        A block that is pushed, and in another program lifted:
+
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> block = sc.Body(basis, sc.Elastic(1.0, 0.0), D="top", name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+        >>> solver = sc.ContactSolver(block, foot)
+        >>> result = solver.solve(x={"block": {"top": (0.02, -0.01)}})
+        >>> from tempfile import TemporaryDirectory
+        >>> with TemporaryDirectory() as folder:
+        ...     path = solver.save_state(f"{folder}/pushed", result)
+        ...     known = solver.load_state(path)
+        >>> lifted = solver.solve(x={"block": {"top": (0.02, 0.001)}}, start=known)
+        >>> path.name, lifted.status.tolist()
+        ('pushed.npz', [0, 0, 0, 0, 0])
         """
         known = self._answering.known(result, "result")
         if known is None:
@@ -938,6 +1018,22 @@ class ContactSolver(Variants):
         Returns
         -------
         list of ndarray, shape (n,)
+
+        Examples
+        --------
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> basis = fem.Basis(
+        ...     fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1())
+        ... )
+        >>> block = sc.Body(basis, sc.Elastic(1.0, 0.0), D="top", name="block")
+        >>> floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
+        >>> foot = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.3), name="foot")
+        >>> solver = sc.ContactSolver(block, foot)
+        >>> steps = [{"x": {"block": {"top": (push, -0.01)}}} for push in (0.0, 0.001, 0.02)]
+        >>> results = list(solver.history(steps))
+        >>> [u.shape for u in solver.recover(results)]
+        [(50,), (50,), (50,)]
         """
         results = members(results, ContactResult, "results", "give results of this solver")
         recover_all([answer_of(r) for r in results])

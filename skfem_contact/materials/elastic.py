@@ -156,6 +156,15 @@ class Elastic(Isotropic):
         Notes
         -----
         A body that takes the form weighs it by its own measure.
+
+        Examples
+        --------
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> basis = fem.Basis(fem.MeshQuad(), fem.ElementVector(fem.ElementQuad1()))
+        >>> K = sc.Elastic(1.0, 0.0).form().assemble(basis)
+        >>> K.shape, bool(abs(K @ basis.ones()).max() < 1e-15)
+        ((8, 8), True)
         """
         lam, mu = self.bulk - 2.0 / 3.0 * self.shear, self.shear
 
@@ -169,6 +178,18 @@ class Elastic(Isotropic):
         """The load of the weight under an acceleration (d,), such as ``(0, -9.81)``.
 
         A body that takes the form weighs it by its own measure.
+
+        Examples
+        --------
+        A cube of steel weighs 77 kN [m, kg, s]:
+
+        >>> import skfem as fem
+        >>> import skfem_contact as sc
+        >>> steel = sc.Elastic(210e9, 0.3, density=7850.0)
+        >>> basis = fem.Basis(fem.MeshHex().with_defaults(), fem.ElementVector(fem.ElementHex1()))
+        >>> cube = sc.Body(basis, steel, f=steel.weight((0.0, 0.0, -9.81)), D="bottom")
+        >>> f"{cube.f.sum():.0f}"
+        '-77008'
         """
         g = np.asarray(acceleration, dtype=float)
 
