@@ -886,10 +886,11 @@ def test_jax_takes_the_gradient():
     """The recipe of the page as it stands there, within a function of jax, against differences."""
     import jax
 
-    page = (Path(__file__).parents[1] / "docs" / "derivatives.md").read_text(encoding="utf-8")
-    blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    page = (Path(__file__).parents[1] / "docs" / "checks" / "guide.md").read_text(encoding="utf-8")
+    page = page[page.index("## A history as a function of jax") :]
+    with_jax = page[page.index("    @jax.custom_vjp") :]
     known = {"jax": jax}
-    for code in (blocks[0], blocks[-1], textwrap.dedent(page[page.index("    @jax.custom_vjp") :])):
+    for code in (*re.findall(r"```python\n(.*?)```", page, re.DOTALL), textwrap.dedent(with_jax)):
         exec(code, known)
 
     def cost(x):
