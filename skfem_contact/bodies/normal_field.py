@@ -38,6 +38,10 @@ CIRCLE = 16
 # Of 16 facets it is not left to round-off.
 STEEPEST = np.tan(np.pi / CIRCLE) * (1 + SOLVED)
 
+# Facets that turn by more are no pieces of a curve. A rigid outline of the plane, which is the polygon
+# that it is, has corners there.
+POLYGON = np.cos(2 * np.pi / CIRCLE * (1 + GIVEN))
+
 # ... and by about as much at both ends: where a straight side passes into an arc, one end turns by
 # half of the other, and beside a kink in a straight side one end does not turn at all.
 ALIKE = 2 / 3
@@ -56,7 +60,7 @@ FADES = 0.1
 
 
 def sizes_and_normals(
-    points: Array, facets: Index, kind: FacetKind, held: Mask, twins: Index
+    points: Array, facets: Index, kind: FacetKind, held: Mask, twins: Index, corner: float = CORNER
 ) -> dict[str, Any]:
     """Sizes and normals of facets: what changes when the surface moves.
 
@@ -69,13 +73,15 @@ def sizes_and_normals(
         Prescribed components.
     twins : ndarray of int, shape (nf, c)
         From `twin_edges`.
+    corner : float
+        Cosine of the turn from which on lines meet at a corner.
     """
     area, c = facet_sizes(points, facets, kind), kind.corners
     own, middle = own_normals(points, facets, kind)
     corners = facets[:, :c]
     weight = area.min() / area[:, None] if kind.dim == 1 else _weights(points[corners])
     weight = np.broadcast_to(weight, corners.shape)
-    weighted, piece = weight[..., None] * own[:, :c], _pieces(own[:, :c], twins)
+    weighted, piece = weight[..., None] * own[:, :c], _pieces(own[:, :c], twins, corner)
     averaged = own.copy()
     averaged[:, :c] = _means(weighted, piece, weight, own[:, :c])
     mirrored = _on_symmetry(points, corners, held, twins, kind, middle, averaged[:, :c])
@@ -116,7 +122,7 @@ def _weights(x: Array) -> Array:
     return np.asarray(sizes(cross(ahead, back)) / scale / squared)
 
 
-def _pieces(own: Array, twins: Index) -> Index:
+def _pieces(own: Array, twins: Index, corner: float) -> Index:
     """The smooth piece round a node that each corner of a facet belongs to, shape (nf, c).
 
     Corners are one piece that are on an end of one edge; lines have one at each.
@@ -125,7 +131,7 @@ def _pieces(own: Array, twins: Index) -> Index:
     number, twin = np.arange(nf * c), twins.ravel()
     flat = own.reshape(-1, d)
     if d == 2:
-        smooth = (twin >= 0) & (np.einsum("pd,pd->p", flat, flat.take(twin, axis=0)) >= CORNER)
+        smooth = (twin >= 0) & (np.einsum("pd,pd->p", flat, flat.take(twin, axis=0)) >= corner)
         return np.where(smooth & (twin < number), twin, number).reshape(nf, c)
     following = np.roll(number.reshape(nf, c), -1, axis=1).ravel()
     edge = np.flatnonzero(twin > number)  # each edge once, of its two facets
@@ -223,8 +229,8 @@ def _unit_or(vectors: Array, other: Array, size: Array) -> Array:
     return np.where(there, vectors / np.where(there, length, 1.0), other)
 
 
-def sharp_edges(normals: Array, twins: Index) -> Mask:
-    """Edges (nf, c) where facets meet at 45 degrees or more, at one end at least.
+def sharp_edges(normals: Array, twins: Index, corner: float) -> Mask:
+    """Edges (nf, c) where facets meet at a corner, at one end at least.
 
     Parameters
     ----------
@@ -232,9 +238,11 @@ def sharp_edges(normals: Array, twins: Index) -> Mask:
         Their own unit normals at the corners.
     twins : ndarray of int, shape (nf, c)
         From `twin_edges`.
+    corner : float
+        As of `sizes_and_normals`.
     """
     turns = [np.einsum("fcd,fcd->fc", *pair) for pair in _both_sides(normals, twins)]
-    return np.asarray((np.min(turns, axis=0) < CORNER) & (twins >= 0))
+    return np.asarray((np.min(turns, axis=0) < corner) & (twins >= 0))
 
 
 def kink_angles(points: Array, facets: Index, kind: FacetKind, twins: Index) -> Array:

@@ -19,6 +19,8 @@ from skfem_contact.bodies.facet_kinds import (
 from skfem_contact.bodies.member import Meshed
 from skfem_contact.bodies.normal_field import (
     BENT,
+    CORNER,
+    POLYGON,
     end_slopes,
     end_turns,
     kink_angles,
@@ -193,7 +195,7 @@ class ContactSurface(NamesAttributes):
                 f"{self.body.n} DOFs"
             )
         points = self.points + u[self.dofs]
-        normals = sizes_and_normals(points, self.facets, self.kind, self.held, self.twins)
+        normals = sizes_and_normals(points, self.facets, self.kind, self.held, self.twins, self.corner)
         moved = replace(self, points=points, undeformed=self.original, **normals)
         if not getattr(self.body, "finite_strain", False):
             return moved
@@ -265,10 +267,15 @@ class ContactSurface(NamesAttributes):
         """The facets' own outward unit normals at their nodes, (nf, k, d), not averaged."""
         return own_normals(self.points, self.facets, self.kind)[0]
 
+    @property
+    def corner(self) -> float:
+        """Cosine of the turn from which on lines meet at a corner; see `normal_field`."""
+        return corner_of(self.body)
+
     @cached_property
     def sharp_edges(self) -> np.ndarray:
-        """Edges (nf, c) where facets meet at 45 degrees or more, at one end at least."""
-        return sharp_edges(self.own_normals[:, : self.kind.corners], self.twins)
+        """Edges (nf, c) where facets meet at a corner, 45 degrees or more, at one end at least."""
+        return sharp_edges(self.own_normals[:, : self.kind.corners], self.twins, self.corner)
 
     @cached_property
     def sharp_points(self) -> np.ndarray:
@@ -341,7 +348,8 @@ def surface_of(
 ) -> ContactSurface:
     """The surface of some facets, with the fields that are not `given`, or None, from its geometry."""
     kind = kind_of(points.shape[1], facets.shape[1])
-    normals = sizes_and_normals(points, facets, kind, held_components(body, dofs), twins)
+    held = held_components(body, dofs)
+    normals = sizes_and_normals(points, facets, kind, held, twins, corner_of(body))
     label = f"{body.name}/{name}" if body.name else name
     fields = {
         "area": tributary_areas(points, facets, kind, body.measure, label),
@@ -367,6 +375,11 @@ class NoBody:
 
     def __init__(self, d: int) -> None:
         self.dim = self.components = d
+
+
+def corner_of(body: Any) -> float:
+    """Cosine of the turn from which on the surface of a body has a corner; see `normal_field`."""
+    return POLYGON if isinstance(body, NoBody) and body.dim == 2 else CORNER
 
 
 def bare_surface(points: np.ndarray, facets: np.ndarray, name: str) -> ContactSurface:

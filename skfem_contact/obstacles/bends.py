@@ -1,7 +1,7 @@
 """Flats of outlines and of surfaces made of triangles: cut beside the bends, where normals turn.
 
 Normals are interpolated between the corners of an edge or a triangle, where they are averaged with its
-neighbours unless they meet at 45 degrees or more. On a piece of a curve or a curved surface that is
+neighbours unless they meet at a corner. On a piece of a curve or a curved surface that is
 right. The flat of a tool with chamfers or fillets is none: over all of its few large facets forces
 would lean by up to the angle of the bend. There normals turn over a narrow strip along the bend.
 """

@@ -44,10 +44,10 @@ class RigidPolyline(Faceted):
     """A rigid obstacle in the plane with straight edges between points.
 
     Surfaces find their partners on it as they do on meshes: normals are continuous where edges meet
-    at less than 45 degrees; else there is a corner, which also presses between two
-    nodes. Corners of the body meet its edges. Edges that turn alike at both ends, by 22.5 degrees at
-    most and two of them at least, stand for a curve, and normals turn all along them. Other edges are
-    straight, such as a flat between two chamfers: normals turn within an eighth of them at their ends.
+    at 22.5 degrees at most; else there is a corner, which also presses between two nodes. Corners of
+    the body meet its edges. Edges that turn alike at both ends, two of them at least, stand for a
+    curve, and normals turn all along them. Other edges are straight, such as a flat beside a fillet:
+    normals turn within an eighth of them at such ends.
 
     Parameters
     ----------

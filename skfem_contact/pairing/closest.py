@@ -8,7 +8,6 @@ from math import dist
 import numpy as np
 
 from skfem_contact.arrays import Array, Index, Mask, dot, sizes
-from skfem_contact.bodies.normal_field import CORNER
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import InputError
@@ -239,7 +238,7 @@ class Side:
         twin, size = primary.twins[facet, edge], primary.lengths[facet]
         outward, normal = across_edges(primary, feet, twin)
         nearer = -dot(apart, outward) > GIVEN * primary.lengths[twin // primary.kind.corners]
-        good = (twin >= 0) & ~nearer & ((dot(feet.own, normal) >= CORNER) | in_cone)
+        good = (twin >= 0) & ~nearer & ((dot(feet.own, normal) >= primary.corner) | in_cone)
         if np.any(twin < 0):  # the surface ends: on a plane of symmetry, or above the side of the body
             mirror = primary.mirror_edges[facet, edge]
             across = np.where(mirror, np.abs(apart), 0.0).max(axis=1)

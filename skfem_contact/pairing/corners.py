@@ -42,9 +42,6 @@ CROSS = 0.5 * np.pi
 # (0 of the secondary, 1 of the primary; number of the point)
 Names = frozenset[tuple[int, int]]
 
-# Cosine of the turn beyond which it is measured: less than that of any corner, round-off included.
-BENDS = CORNER + SOLVED
-
 
 @dataclass(frozen=True, eq=False)
 class Corners:
@@ -72,12 +69,13 @@ class Corners:
     @classmethod
     def of(cls, surface: ContactSurface) -> Corners:
         """Find the sharp corners, and ends of any angle; none on a line of symmetry."""
-        after = surface.neighbours[:, 1]
+        after, corner = surface.neighbours[:, 1], surface.corner
         own = surface.own_normals
-        # angles only where the surface bends at all
-        inner = np.flatnonzero((after >= 0) & (dot(own[:, 1], own[:, 0].take(after, axis=0)) < BENDS))
+        # angles only where the surface bends by what a corner does, round-off included
+        cosine = dot(own[:, 1], own[:, 0].take(after, axis=0))
+        inner = np.flatnonzero((after >= 0) & (cosine < corner + SOLVED))
         bend = _wrap(_direction(own[after[inner], 0]) - _direction(own[inner, 1]))
-        sharp = (bend > 0) & (np.cos(bend) < CORNER)
+        sharp = (bend > 0) & (np.cos(bend) < corner)
         inner, bend = inner[sharp], bend[sharp]
         f, side = np.nonzero((surface.neighbours < 0) & (surface.end_turns > 0))
         turn = surface.end_turns[f, side]

@@ -36,7 +36,7 @@ def dragged_block(
 ):
     """A unit block, loaded by P at the top and moved along a flat track by its top nodes.
 
-    The track is rigid or an elastic layer with facets of unequal length.
+    The track is rigid, a plane or an outline, or an elastic layer with facets of unequal length.
     """
     basis = rectangle(np.linspace(0, 1, nx + 1), np.linspace(0, 1, nx + 1))
     load = fem.LinearForm(lambda v, w: -P * v[1]).assemble(basis.boundary("top"))
@@ -45,7 +45,9 @@ def dragged_block(
     x[D] = 1.0
     block = sc.Body(basis, elastic(E), f=load, D=D, x=x, name="block")
     bodies = [block]
-    if rigid:
+    if rigid == "outline":
+        primary = sc.RigidPolyline([(20, 0), (-5, 0)], name="track")
+    elif rigid:
         primary = sc.RigidPlane((0, 0), (0, 1), name="track")
     else:
         joints = np.linspace(-0.5, 5, 41) if facets is None else facets

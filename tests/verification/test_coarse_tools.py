@@ -274,3 +274,31 @@ def test_what_comes_from_behind_is_no_mistake():
     assert not beside[0].force.any() and not np.isfinite(beside[0].gap).any()
     hole = sc.RigidCylinder((0.0, 0.0), 9.0, hollow=True, name="tool")  # the block is in it
     assert not under(hole, (0.0, 0.0))[0].force.any()
+
+
+@pytest.mark.parametrize("turn", [24, 30, 42, 60])
+@pytest.mark.parametrize("share", [-0.45, -0.2, 0.01, 0.3])
+def test_a_corner_presses_along_the_normal_of_what_it_meets(turn, share):
+    """The tip of a tool under a disc whose middle lies over the one or the other flank.
+
+    The force goes through the middle of the disc, to half of the turn of a facet. A tip that was taken
+    for a round one, flatter than 45 degrees, pressed straight up, and by as little as a third.
+    """
+    around = np.linspace(-np.pi * 5 / 6, -np.pi / 6, 49)
+    mesh = fem.MeshQuad.init_tensor(around, np.linspace(0.5, 1, 7)).morphed(
+        lambda p: p[1] * np.cos(p[0]), lambda p: p[1] * np.sin(p[0])
+    )
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    held = basis.get_dofs(lambda x: np.hypot(*x) < 0.51)
+    disc = sc.Body(basis, sc.Elastic(1.0, 0.3), D=held, name="disc")
+    flank, off = np.radians(turn) / 2, np.radians(turn * share)
+    tip = 0.99 * np.array([np.sin(off), -np.cos(off)])
+    along = 10 * np.array([np.cos(flank), -np.sin(flank)])
+    points = [tip + along, tip, tip - [along[0], -along[1]], tip - [0, 9]]
+    tool = sc.RigidPolyline(points, closed=True, name="tool")
+    contact = sc.Contact(disc.surface(lambda x: np.hypot(*x) > 0.98), tool, sliding="finite")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        force = sc.ContactSolver(disc, contact).solve().force
+    assert np.arctan2(-force[0], force[1]) == pytest.approx(off, abs=np.pi / 144)
+    assert 0.004 < np.linalg.norm(force) < 0.006

@@ -18,8 +18,8 @@ MU = 0.3
 
 def test_P9_one_big_step_is_many_small_ones():
     """On a rigid track a step over 20 facets ends in the state of 40 small ones, and says so."""
-    big = travel(dragged_block(rigid=True), [0.0, 2.5])[-1]
-    small = travel(dragged_block(rigid=True), np.arange(41) * 0.0625)[-1]
+    big = travel(dragged_block(rigid="outline"), [0.0, 2.5])[-1]
+    small = travel(dragged_block(rigid="outline"), np.arange(41) * 0.0625)[-1]
     # gross slip on a flat track forgets its path: round-off is left
     assert_allclose(big.normal_force, small.normal_force, rtol=0, atol=1e-11)
     assert_allclose(big.tangential_force, small.tangential_force, rtol=0, atol=1e-11)
@@ -43,16 +43,25 @@ def test_steps_on_an_elastic_track_are_cut_to_the_facet():
     assert_allclose(big.force, small.force, rtol=1e-4)
 
 
+def test_no_step_is_cut_on_a_plane():
+    """A rigid plane is the same all along the way: one step ends where forty do."""
+    big = travel(dragged_block(rigid=True), [0.0, 2.5])[-1]
+    small = travel(dragged_block(rigid=True), np.arange(41) * 0.0625)[-1]
+    assert "cut" not in big.message
+    for name in ("normal_force", "tangential_force", "slip"):
+        assert_allclose(getattr(big, name), getattr(small, name), rtol=0, atol=1e-11)
+
+
 def test_more_substeps_than_halvings():
     """A hundred facets in one step need no more cuts than one in a row."""
-    big = travel(dragged_block(rigid=True), [0.0, 12.5])[-1]
+    big = travel(dragged_block(rigid="outline"), [0.0, 12.5])[-1]
     assert int(big.message.split("substep ")[1].split()[0].rstrip(")")) >= 100
     assert_allclose(big.force, [-MU, 1.0], rtol=0, atol=1e-10)
 
 
 def test_travel_without_limit():
     """With max_travel = inf steps are taken as given."""
-    solver = dragged_block(rigid=True)
+    solver = dragged_block(rigid="outline")
     free = sc.ContactSolver(
         solver.system.bodies, solver.contacts, options=sc.Options(max_travel=np.inf)
     )

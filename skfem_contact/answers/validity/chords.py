@@ -30,9 +30,9 @@ Middle nodes halve the edges, but for control points (`pairing.node`): under a c
 by e of the whole edge, and nothing comes down between them.
 
 A rigid cylinder, sphere or plane is met node by node: K_p is its own. The pieces of an outline or an
-STL bend as facets do. Where the bodies are pressed in by a given d that is not large beside e, forces
-depend on where the nodes are: on a disc that is pressed into a block by up to 15 % at ``e / d = .25``,
-30 % at .5 (`tests/verification/test_coarse_tools.py`).
+STL bend as facets do; its flats are met as they are. Where the bodies are pressed in by a given d that
+is not large beside e, forces depend on where the nodes are: on a disc that is pressed into a block by
+up to 15 % at ``e / d = .25``, 30 % at .5 (`tests/verification/test_coarse_tools.py`).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from skfem_contact.arrays import Array, Index, Mask, dot
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normal_field import of_curves
 from skfem_contact.bodies.quadrics import bowed_facets
-from skfem_contact.bodies.surface import ContactSurface
+from skfem_contact.bodies.surface import ContactSurface, NoBody
 from skfem_contact.digits import COMPUTED, GIVEN
 
 #: All facets.
@@ -85,6 +85,8 @@ def sagittas(
         met, of_point = np.unique(facet, return_inverse=True)
         of_primary, others = (found[of_point] for found in bends(primary, met))
         curved = primary.quadratic
+        if isinstance(primary.body, NoBody):  # its flats are met as they are, however long
+            others = others * of_primary.any(axis=(1, 2))[:, None, None]
     else:
         of_primary, others = np.broadcast_to(primary, (m, d, d)), np.zeros((m, 1, d))
         curved = bool(own.any() and of_primary.any())

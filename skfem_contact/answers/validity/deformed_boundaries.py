@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from skfem_contact.arrays import AT_ONCE, Array, Index, Mask, dot, off_segments, ragged
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import FacetKind, area_vectors, kind_of
-from skfem_contact.bodies.normal_field import CIRCLE, twin_edges
+from skfem_contact.bodies.normal_field import POLYGON, twin_edges
 from skfem_contact.bodies.selection import facet_nodes, node_dofs, seen_from_outside
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import GIVEN, SOLVED
+from skfem_contact.digits import SOLVED
 from skfem_contact.pairing.closest import LEAN
 from skfem_contact.pairing.dual import OVERHANG
 from skfem_contact.records import dataclass
@@ -29,10 +29,6 @@ from skfem_contact.trees import Tree
 
 #: Straight pieces that a quadratic facet is drawn with: they miss 1/256 of its sagitta.
 PIECES = 8
-
-#: Turn of a boundary from which on an edge is sharp [rad]: with less it may stand for a curve of 16
-#: faces to the circle (`bodies.normal_field.CIRCLE`), also just that and round-off.
-SHARP = float(2 * np.pi / CIRCLE * (1 + GIVEN))
 
 #: The direction of rays in space, its first two in the plane: of no mesh that has a reason.
 RAY = np.array([0.8127, 0.3491, 0.4669])
@@ -355,9 +351,7 @@ def sharp_edges_of(surface: ContactSurface) -> Edges:
     mine[surface.mesh_facets] = np.arange(len(surface.mesh_facets))
     faces = mine[numbers[np.stack([face, there], axis=1)]]
     middle = mesh.p[:, ends].mean(axis=2).T
-    convex = (dot(n[face], n[there]) < np.cos(SHARP)) & (
-        dot(x[there].mean(axis=1) - middle, n[face]) < 0
-    )
+    convex = (dot(n[face], n[there]) < POLYGON) & (dot(x[there].mean(axis=1) - middle, n[face]) < 0)
     some = np.flatnonzero(convex & (faces >= 0).any(axis=1))
     face, there, ends, faces = face[some], there[some], ends[some], faces[some]
     place = np.full(surface.body.n, -1)

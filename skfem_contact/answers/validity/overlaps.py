@@ -497,5 +497,5 @@ def leaning_words(track: ContactWatch, result: Answer, u: Array) -> str:
         f"normals of {contact.primary.label!r} lean by {lean:.2g} rad in the mean from those of its "
         "triangles, which are large and flat beside bends of less than 45 degrees, and so do the "
         "forces. Along a bend normals turn over an eighth of a triangle; where that is too wide, "
-        "divide the long triangles, most of all near a tip."
+        "round the bend by a fillet, or divide the long triangles, most of all near a tip."
     )
