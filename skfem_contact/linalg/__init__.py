@@ -7,8 +7,7 @@
   in place, and least squares with a bound;
 * `krylov`: iterations for unsymmetric equations, and secants for fixed points;
 * `singular`: singular matrices recognised;
-* `resources`: one BLAS thread for small blocks, and the memory that a factorisation will take;
-* `thresholds`: numbers, and where they come from.
+* `resources`: one BLAS thread for small blocks, and the memory that a factorisation will take.
 """
 
 from typing import TYPE_CHECKING

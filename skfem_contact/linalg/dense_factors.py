@@ -22,8 +22,13 @@ from scipy.linalg import LinAlgError, lapack
 from skfem_contact.arrays import Array, Mask
 from skfem_contact.digits import ROUND_OFF
 from skfem_contact.errors import SingularMatrix
-from skfem_contact.linalg import thresholds
 from skfem_contact.records import dataclass
+
+# Rows of a dense matrix that are worked on at once: enough for matrix products, few beside the matrix.
+ROWS_AT_ONCE = 1024
+
+# Rows of a triangle that are copied at once: few operations, and a block that caches hold.
+MIRRORED_AT_ONCE = 128
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,8 +174,7 @@ def factorised(A: Array, symmetric: bool) -> DenseFactors:
 
 def blocks(count: int) -> list[slice]:
     """Rows that are worked on at once; a matrix that is not large is one block."""
-    some = thresholds.ROWS_AT_ONCE
-    return [slice(begin, min(begin + some, count)) for begin in range(0, count, some)]
+    return [slice(begin, min(begin + ROWS_AT_ONCE, count)) for begin in range(0, count, ROWS_AT_ONCE)]
 
 
 def symmetrise(A: Array) -> None:
@@ -195,8 +199,8 @@ def mirror(A: Array) -> None:
     >>> A.tolist()
     [[1.0, 4.0], [4.0, 3.0]]
     """
-    for begin in range(0, len(A), thresholds.MIRRORED_AT_ONCE):
-        end = min(begin + thresholds.MIRRORED_AT_ONCE, len(A))
+    for begin in range(0, len(A), MIRRORED_AT_ONCE):
+        end = min(begin + MIRRORED_AT_ONCE, len(A))
         block = A[begin:end, begin:end]
         np.copyto(block, block.T, where=~np.tri(len(block), dtype=bool))
         A[begin:end, end:] = A[end:, begin:end].T

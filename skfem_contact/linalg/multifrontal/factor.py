@@ -46,9 +46,9 @@ from skfem_contact.linalg.multifrontal.fronts import (
     find_runs,
     panels,
 )
+from skfem_contact.linalg.multifrontal.ordering import LEAF
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.linalg.singular import singular, smallest_eigenvalue
-from skfem_contact.linalg.thresholds import LEAF, LOST, NEGLIGIBLE, SUSPICIOUS
+from skfem_contact.linalg.singular import LOST, NEGLIGIBLE, SUSPICIOUS, singular, smallest_eigenvalue
 
 
 class MultifrontalCholesky(BodyFactor):
