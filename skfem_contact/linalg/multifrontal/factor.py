@@ -37,7 +37,14 @@ from scipy.linalg.lapack import dpotrf
 
 from skfem_contact.arrays import Array, Index
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.backend import BodyFactor
+from skfem_contact.linalg.backend import (
+    LOST,
+    NEGLIGIBLE,
+    SUSPICIOUS,
+    BodyFactor,
+    singular,
+    smallest_eigenvalue,
+)
 from skfem_contact.linalg.dense_factors import blocks, mirror
 from skfem_contact.linalg.multifrontal.fronts import (
     Fronts,
@@ -48,7 +55,6 @@ from skfem_contact.linalg.multifrontal.fronts import (
 )
 from skfem_contact.linalg.multifrontal.ordering import LEAF
 from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.linalg.singular import LOST, NEGLIGIBLE, SUSPICIOUS, singular, smallest_eigenvalue
 
 
 class MultifrontalCholesky(BodyFactor):
