@@ -29,7 +29,6 @@ COMMON = (
     "arrays",
     "digits",
     "records",
-    "sealed",
     "trees",
 )
 ORDER = [name for name in LISTED if name not in (*COMMON, "reference")]

@@ -33,8 +33,7 @@ from skfem_contact.errors import InputError
 from skfem_contact.loops.step import Record
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.points import Conditions
-from skfem_contact.records import dataclass, once
-from skfem_contact.sealed import seal, sealed
+from skfem_contact.records import dataclass, once, seal, sealed
 
 
 @dataclass(eq=False)

@@ -16,8 +16,7 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import LoadCase, LocalState
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import copied, sealed
+from skfem_contact.records import copied, dataclass, sealed
 
 if TYPE_CHECKING:
     from skfem_contact.problem.model import LinearModel

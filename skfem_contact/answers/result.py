@@ -33,8 +33,7 @@ from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
 from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.rigid_body import RigidBody
-from skfem_contact.records import dataclass, once
-from skfem_contact.sealed import sealed
+from skfem_contact.records import dataclass, once, sealed
 
 if TYPE_CHECKING:
     from skfem_contact.answers.tangent.derivatives import Sensitivity

@@ -24,8 +24,7 @@ from skfem_contact.conditions.friction import steep_words
 from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import seal, sealed
+from skfem_contact.records import dataclass, seal, sealed
 
 #: Energy that the balance of a step misses, over the energy lost, from which on it is said: the loss of
 #: the README's scene, pressed and released, is then wrong by a third of that.

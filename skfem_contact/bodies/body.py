@@ -43,8 +43,7 @@ from skfem_contact.bodies.selection import displacements, pieces, tractions
 from skfem_contact.bodies.surface import ContactSurface, extract_surface
 from skfem_contact.errors import InputError
 from skfem_contact.materials.elastic import Elastic, VolumeLoad
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import can_be_carried, carried, seal
+from skfem_contact.records import can_be_carried, carried, dataclass, seal
 
 
 @with_known_keywords(

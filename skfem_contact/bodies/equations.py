@@ -46,7 +46,7 @@ from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.materials.material import everywhere
 from skfem_contact.materials.tensors import deformation, dilatation, solid
-from skfem_contact.sealed import sealed_matrix
+from skfem_contact.records import sealed_matrix
 
 
 class Gradients:

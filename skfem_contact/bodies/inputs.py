@@ -19,7 +19,7 @@ from skfem_contact.bodies.member import RemoteStiffness
 from skfem_contact.bodies.quadrature import DeferredBasis, integrates, parts, scalar_element
 from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF
 from skfem_contact.errors import InputError, warn
-from skfem_contact.sealed import sealed_matrix
+from skfem_contact.records import sealed_matrix
 
 # A number on the diagonal of K that is larger than all others by this factor prescribes a displacement.
 # skfem.penalize writes 1e10. Springs that are meant as springs are far below: beside one as stiff as

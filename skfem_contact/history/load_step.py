@@ -24,8 +24,7 @@ from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.points import Load, PointSpace, Response
 from skfem_contact.problem.seam import ContactProblem, Source, Workspace
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import sealed
+from skfem_contact.records import dataclass, sealed
 
 if TYPE_CHECKING:
     from skfem_contact.loops.pulled import Carried

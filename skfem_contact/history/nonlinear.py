@@ -47,8 +47,7 @@ from skfem_contact.history.stepping import AIM, FAR, LONGER, SHORTER, Bisection,
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.active_set import DECREASE, HALVINGS
 from skfem_contact.problem.seam import Workspace
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import copied, sealed
+from skfem_contact.records import copied, dataclass, sealed
 
 if TYPE_CHECKING:
     from skfem_contact.history.equilibrium import Known

@@ -26,7 +26,7 @@ from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import ContactError, LinearSolveError, SingularMatrix
 from skfem_contact.history.load_step import Attempt, Recovery
 from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
-from skfem_contact.sealed import copied
+from skfem_contact.records import copied
 
 #: Routes whose linear problems are iterated.
 ROUGH = "iterated", "multigrid"

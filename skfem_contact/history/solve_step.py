@@ -40,8 +40,7 @@ from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.problem.seam import Workspace
-from skfem_contact.records import dataclass, once
-from skfem_contact.sealed import ByFields
+from skfem_contact.records import ByFields, dataclass, once
 
 if TYPE_CHECKING:
     from skfem_contact.history.checkpoint import SavedState

@@ -54,8 +54,7 @@ from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.substructure import Substructure
-from skfem_contact.records import Lock
-from skfem_contact.sealed import carried, sealed
+from skfem_contact.records import Lock, carried, sealed
 
 if TYPE_CHECKING:
     from skfem_contact.answers.tangent.derivatives import Gradient, Jacobian

@@ -29,8 +29,7 @@ from skfem_contact.loops.step import Step
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.points import Load
 from skfem_contact.problem.seam import ContactProblem
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import ByFields
+from skfem_contact.records import ByFields, dataclass
 
 # Round-off of contact forces over the terms that cancel where nothing presses.
 NOISE = 10 * float(np.finfo(float).eps)

@@ -33,8 +33,7 @@ from skfem_contact.errors import InputError
 from skfem_contact.obstacles.bends import cut_edges, cut_triangles
 from skfem_contact.obstacles.obstacle import Faceted, volume
 from skfem_contact.pairing.search import FacetTree, Nodes
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import sealed
+from skfem_contact.records import dataclass, sealed
 from skfem_contact.trees import pairs_within
 
 

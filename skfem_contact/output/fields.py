@@ -21,7 +21,7 @@ from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.inputs import SUPPORTED
 from skfem_contact.errors import InputError
-from skfem_contact.sealed import sealed
+from skfem_contact.records import sealed
 
 Stress = Callable[[Body, Array], Array] | str
 #: What a picture shows: one field, or one under a name of the user's.

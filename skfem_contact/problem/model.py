@@ -24,8 +24,7 @@ from skfem_contact.problem.condensed import Condensed, firmness
 from skfem_contact.problem.seam import ContactProblem, PosedOn
 from skfem_contact.problem.substructure import Substructure
 from skfem_contact.problem.zone import PointProblem
-from skfem_contact.records import Lock, once
-from skfem_contact.sealed import carried, seal
+from skfem_contact.records import Lock, carried, once, seal
 
 if TYPE_CHECKING:
     from skfem_contact.problem.full import FullSystem

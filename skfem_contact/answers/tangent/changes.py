@@ -27,7 +27,7 @@ from skfem_contact.conditions.friction import Coulomb, Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.state import transport
 from skfem_contact.errors import InputError
-from skfem_contact.sealed import copied
+from skfem_contact.records import copied
 
 #: What changes loads of bodies, so that derivatives by these are needed inside; then what does not.
 LOADS = "stiffness", "load", "displacement", "scene"
