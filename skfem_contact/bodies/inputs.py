@@ -14,9 +14,15 @@ from skfem.assembly import BilinearForm, CellBasis, DofsView, LinearForm
 
 from skfem_contact.arguments import number, shown, suggest
 from skfem_contact.arrays import check_finite, check_size, check_type, dof_numbers, rectangular
-from skfem_contact.bodies.assembly import Assembled, assembled
+from skfem_contact.bodies.assembly import (
+    Assembled,
+    DeferredBasis,
+    assembled,
+    integrates,
+    parts,
+    scalar_element,
+)
 from skfem_contact.bodies.member import RemoteStiffness
-from skfem_contact.bodies.quadrature import DeferredBasis, integrates, parts, scalar_element
 from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF
 from skfem_contact.errors import InputError, warn
 from skfem_contact.records import sealed_matrix
