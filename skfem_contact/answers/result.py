@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skfem_contact.answers.answer import Answer, reaction
+from skfem_contact.answers.answer import Answer, Newton, reaction
 from skfem_contact.answers.by_contact import ByContact
 from skfem_contact.answers.certificate import Certificate, certified, undetermined
-from skfem_contact.answers.placed import Newton
 from skfem_contact.answers.validity.assess import assess
 from skfem_contact.answers.validity.support import rigid_rotations, surface_turns
 from skfem_contact.answers.validity.validity import Validity

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.placed import Placed
+from skfem_contact.answers.answer import Answer, Placed
 from skfem_contact.arrays import Array, lengths
 from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.interface import Interface

@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.answer import Answer, Newton, Placed
 from skfem_contact.answers.certificate import certified
-from skfem_contact.answers.placed import Newton, Placed
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.validity.assess import Watch
 from skfem_contact.answers.validity.validity import Issued

@@ -181,7 +181,7 @@ class Faceted(Obstacle):
     def outline(self) -> ContactSurface:
         """Its facets with their normals, as surfaces of bodies have them.
 
-        Flats are cut along the bends beside them, see `bends`.
+        Flats are cut along the bends beside them, see `faceted`.
         """
         if self._cut is None:
             return self._plain

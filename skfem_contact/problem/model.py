@@ -19,8 +19,13 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid_motions
 from skfem_contact.conditions.state import LoadCase
 from skfem_contact.linalg.resources import Limits, single_threaded
-from skfem_contact.problem.choice import Choice, check_distributed, checked_linear
-from skfem_contact.problem.condensed import Condensed, firmness
+from skfem_contact.problem.condensed import (
+    Choice,
+    Condensed,
+    check_distributed,
+    checked_linear,
+    firmness,
+)
 from skfem_contact.problem.seam import ContactProblem, PosedOn
 from skfem_contact.problem.substructure import Substructure
 from skfem_contact.problem.zone import PointProblem

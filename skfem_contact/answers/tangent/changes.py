@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix, diags, issparse
 
-from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.placed import fluid_beyond
+from skfem_contact.answers.answer import Answer, fluid_beyond
 from skfem_contact.answers.tangent.rates import Maps, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import known_keywords, numbers, shown
