@@ -8,8 +8,7 @@
 * `validity`: whether the model holds; `estimate`, `surface_error`: how far the
   mesh may be off;
 * `tangent`: the answer linearised, and its derivatives;
-* `result`, `by_contact`: all of it as users see it, and printed; by contacts, and of the one there may
-  be.
+* `result`: all of it as users see it, by contacts, and printed.
 """
 
 from typing import TYPE_CHECKING

@@ -24,8 +24,8 @@ from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.multifrontal.fronts import FactorSize
-from skfem_contact.linalg.resources import written_bytes
+from skfem_contact.linalg.dense_factors import written_bytes
+from skfem_contact.linalg.fronts import FactorSize
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.diagnosis import diagnose, say_stiffer
 from skfem_contact.pairing.node import Pairing

@@ -16,7 +16,7 @@ from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import LoadCase, LocalState, State
-from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.loops.driver import Outcome
 from skfem_contact.loops.step import Record
 from skfem_contact.problem.condensed import Condensed

@@ -62,7 +62,7 @@ from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import NOISE, Stepper
 from skfem_contact.history.stepping import AIM, FAR, LONGER, SHORTER, Bisection, settled, travelled
 from skfem_contact.linalg.krylov import Anderson
-from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
+from skfem_contact.linalg.multifrontal import MultifrontalCholesky
 from skfem_contact.loops.active_set import DECREASE, HALVINGS
 from skfem_contact.problem.seam import Workspace
 from skfem_contact.records import copied, dataclass, sealed

@@ -33,7 +33,7 @@ from skfem_contact.history.equilibrium import EquilibriumSearch, Verdict
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.read import StepReader
 from skfem_contact.history.stepper import Stepper
-from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.loops.driver import NOTHING_HOLDS, converged_words
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Record

@@ -16,7 +16,7 @@ from skfem_contact.conditions.motions import balanced
 from skfem_contact.conditions.state import OPEN, LoadCase, LocalState, State
 from skfem_contact.errors import ConstraintError
 from skfem_contact.history.load_step import Attempt, LoadStep
-from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.loops.active_set import friction_of_prescribed_slip
 from skfem_contact.loops.driver import LOOPS, Options, Outcome, drive
 from skfem_contact.loops.multipliers import Collision

@@ -12,7 +12,7 @@ from scipy.sparse import csr_matrix
 from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.member import Member, RemoteStiffness, check_whole
 from skfem_contact.errors import InputError, SingularMatrix
-from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.records import dataclass
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ class BodyFactor(ABC):
     """A stiffness K (n, n) of which all DOFs i but the kept ones c are eliminated.
 
     A backend makes them (`backend.Backend.condensed`): in one process they are
-    `multifrontal.factor.MultifrontalCholesky`.
+    `multifrontal.MultifrontalCholesky`.
 
     Attributes
     ----------

@@ -43,10 +43,9 @@ from skfem_contact.conditions.state import LoadCase
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.backend import Backend
-from skfem_contact.linalg.dense_factors import blocks, symmetrise
+from skfem_contact.linalg.dense_factors import Limits, blocks, factor_bound, symmetrise, written_bytes
 from skfem_contact.linalg.direct import Direct, as_linear_solver
-from skfem_contact.linalg.multifrontal.fronts import FactorSize
-from skfem_contact.linalg.resources import Limits, factor_bound, written_bytes
+from skfem_contact.linalg.fronts import FactorSize
 from skfem_contact.problem.seam import (
     ContactProblem,
     PosedOn,

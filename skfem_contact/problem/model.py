@@ -18,7 +18,7 @@ from skfem_contact.conditions.interface import Interface, point_labels, secondar
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid_motions
 from skfem_contact.conditions.state import LoadCase
-from skfem_contact.linalg.resources import Limits, single_threaded
+from skfem_contact.linalg.dense_factors import Limits, single_threaded
 from skfem_contact.problem.condensed import (
     Choice,
     Condensed,

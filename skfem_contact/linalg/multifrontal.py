@@ -45,16 +45,15 @@ from skfem_contact.linalg.backend import (
     singular,
     smallest_eigenvalue,
 )
-from skfem_contact.linalg.dense_factors import blocks, mirror
-from skfem_contact.linalg.multifrontal.fronts import (
+from skfem_contact.linalg.dense_factors import blocks, mirror, single_threaded
+from skfem_contact.linalg.fronts import (
     Fronts,
     Pattern,
     checked_matrix,
     find_runs,
     panels,
 )
-from skfem_contact.linalg.multifrontal.ordering import LEAF
-from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.linalg.ordering import LEAF
 
 
 class MultifrontalCholesky(BodyFactor):
@@ -369,7 +368,7 @@ class SurfaceResponse:
     Three unit springs in a row, one end held; a unit force at the other:
 
     >>> import scipy.sparse as sp
-    >>> from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
+    >>> from skfem_contact.linalg.multifrontal import MultifrontalCholesky
     >>> K = sp.csr_array([[2.0, -1, 0], [-1, 2, -1], [0, -1, 1]])
     >>> factor = MultifrontalCholesky(K, np.arange(3.0)[:, None])
     >>> SurfaceResponse(factor, np.array([2]))(np.array([1.0])).round(12)
