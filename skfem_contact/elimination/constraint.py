@@ -32,7 +32,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix, vstack
 
-from skfem_contact.arguments import check_kind, known_keywords, members, numbers, shown
+from skfem_contact.arguments import NAMED, check_kind, known_keywords, members, numbers, shown
 from skfem_contact.arrays import (
     Array,
     Mask,
@@ -52,10 +52,6 @@ from skfem_contact.digits import SOLVED
 from skfem_contact.elimination.pivoting import AGREEMENT, FloatArray, IntArray, find_pivots, row_maximum
 from skfem_contact.errors import ConstraintError, InputError
 from skfem_contact.records import dataclass
-
-# How many rows, and of each how many that it contradicts, a message names.
-SHOWN = 4
-
 
 Labels = Sequence[str] | Callable[[int], str] | None
 
@@ -249,13 +245,13 @@ def _contradiction(
         # what elimination left as round-off is no contribution
         others = np.sort(kept[part.indices[weight > AGREEMENT * weight.max(initial=0.0)]])
         involved += [row, *others]
-        by = ", ".join(name(int(j)) for j in others[:SHOWN])
-        by += f" and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
+        by = ", ".join(name(int(j)) for j in others[:NAMED])
+        by += f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
         because = f"with {by} it is" if by else "its DOFs are all prescribed and make it"
         lines.append(f"{name(int(row))} asks for {asked[i]:.6g}, but {because} {made[i]:.6g}")
-    more = f"; and {len(lines) - SHOWN} more" if len(lines) > SHOWN else ""
+    more = f"; and {len(lines) - NAMED} more" if len(lines) > NAMED else ""
     return ConstraintError(
-        f"Constraints contradict each other: {'; '.join(lines[:SHOWN])}{more}. Usually a node is"
+        f"Constraints contradict each other: {'; '.join(lines[:NAMED])}{more}. Usually a node is"
         " constrained twice (two contacts, or a contact and D) with different gaps or values."
         " Drop one of them, or correct b or x; if the difference is round-off of coordinates, pass"
         " their size as scale.",

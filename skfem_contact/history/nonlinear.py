@@ -60,7 +60,7 @@ from skfem_contact.errors import (
 from skfem_contact.history.equilibrium import ARRIVED, CORNERS, EquilibriumSearch, Verdict, at_corners
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import NOISE, Stepper
-from skfem_contact.history.stepping import AIM, FAR, LONGER, SHORTER, Bisection, settled, travelled
+from skfem_contact.history.stepping import AIM, FAR, LONGER, Bisection, settled, travelled
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.linalg.multifrontal import MultifrontalCholesky
 from skfem_contact.loops.active_set import DECREASE, HALVINGS
@@ -343,7 +343,7 @@ class NonlinearSearch:
         self.advance = way = Advance(np.zeros((2, len(model.interface.names))))
         self.last = EquilibriumSearch(self.stepper, self.step, self.start)
         self.placed = Placed.of_start(model.system, model.stiffness, self.start)
-        parts = Bisection(options.max_cuts, SHORTER**options.max_cuts)
+        parts = Bisection(options.max_cuts, LONGER**-options.max_cuts)
         part = self.step
         while True:
             part = parts.of(self.step, part)

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import qr
 from scipy.sparse import csr_matrix, vstack
 
+from skfem_contact.arguments import NAMED
 from skfem_contact.arrays import Array, Mask
 from skfem_contact.conditions.friction import Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule, jumps_open
@@ -33,9 +34,6 @@ from skfem_contact.records import ByFields, dataclass
 
 # Round-off of contact forces over the terms that cancel where nothing presses.
 NOISE = 10 * float(np.finfo(float).eps)
-
-# How many points that can not all be closed a message names.
-NAMED = 4
 
 # Where contact slides far its normals turn by the strains of the surfaces: motions that points hold by
 # no more than that may be free. Whether they are the reaction of the held DOFs says.

@@ -32,7 +32,7 @@ from skfem_contact.arrays import Array, Mask, lengths
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, LocalState
-from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
+from skfem_contact.digits import COMPUTED, GIVEN, NEWTON_STEPS, SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep
 from skfem_contact.history.stepper import RAN_AWAY, Stepper
@@ -43,7 +43,7 @@ from skfem_contact.records import dataclass
 
 # A step that fails is halved, and after a success the next part is twice as large: what one cut too
 # many costs is won back by one that succeeds.
-SHORTER, LONGER = 0.5, 2.0
+LONGER = 2.0
 
 # What a step is cut to, of the distance that points may slide; and from which multiple of it on the
 # first round, on a pairing that is only predicted, is believed.
@@ -63,8 +63,6 @@ ANSWERED = 0.3
 
 # What a step is shortened by at least: pressures that have become zero do not say by how much.
 FAR_TOO_LONG = 4.0
-
-WEAR_ROUNDS = 20
 
 logger = logging.getLogger("skfem_contact")
 
@@ -112,7 +110,7 @@ class Bisection:
 
     def cut(self, travel: float) -> None:
         """Take a smaller part: half of it, or as much as lets no point slide too far."""
-        shorter = SHORTER
+        shorter = 1 / LONGER
         if travel > 1.0:  # no fault of the step's but its size: measured, not tried
             shorter = AIM / travel
             self.smallest *= shorter
@@ -132,7 +130,7 @@ def advance(
     """
     interface = by.model.interface
     so_far = Advance(np.zeros((2, len(interface.names))))
-    parts = Bisection(by.options.max_cuts, SHORTER**by.options.max_cuts)
+    parts = Bisection(by.options.max_cuts, LONGER**-by.options.max_cuts)
     part = step  # that is attempted: from where the parts before it have come to
     starts = by.starts_from(step.known)
     freed: Attempt | None = None  # of pivoting, which has left a motion free
@@ -219,7 +217,7 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
         return _with_depth(by, step, start, last.wear)
     depth, secant, trace = last.wear, Anderson(), list[Record]()
     share = before = 0.0
-    for number in range(WEAR_ROUNDS):
+    for number in range(NEWTON_STEPS):
         attempt = _with_depth(by, step, start, depth)
         trace += attempt.outcome.trace
         attempt = replace(attempt, outcome=replace(attempt.outcome, trace=tuple(trace)))
@@ -241,7 +239,7 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
         before, start = left, "warm"
         depth = secant.next(depth, depth + change)
         step = replace(step, known=attempt.state)
-    return replace(attempt, failure=f"the depth worn off did not settle in {WEAR_ROUNDS} rounds")
+    return replace(attempt, failure=f"the depth worn off did not settle in {NEWTON_STEPS} rounds")
 
 
 def _with_depth(by: Stepper, step: LoadStep, start: str, depth: Array) -> Attempt:
