@@ -60,7 +60,7 @@ from skfem_contact.errors import (
 from skfem_contact.history.equilibrium import ARRIVED, CORNERS, EquilibriumSearch, Verdict, at_corners
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import NOISE, Stepper
-from skfem_contact.history.stepping import AIM, FAR, LONGER, Bisection, settled, travelled
+from skfem_contact.history.stepping import AIM, LONGER, Bisection, settled, travelled
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.linalg.multifrontal import MultifrontalCholesky
 from skfem_contact.loops.active_set import DECREASE, HALVINGS
@@ -394,7 +394,7 @@ class NonlinearSearch:
             logger.debug("%s", self.newton[-1])
             balanced = now.share == 1.0 and now.most <= now.limit and holds(attempt, u)
             self.advance.attempt = attempt
-            attempt, own = self._judged(step, attempt, u, FAR if number == 1 else 1.0, balanced)
+            attempt, own = self._judged(step, attempt, u, balanced)
             self.advance.attempt = attempt
             if balanced and attempt.good:
                 self._come_to(attempt, part.target, now.placed, part.share)
@@ -424,13 +424,13 @@ class NonlinearSearch:
         return geometry.at(u, step.target, before), u
 
     def _judged(
-        self, step: LoadStep, attempt: Attempt, u: Array, far: float, balanced: bool
+        self, step: LoadStep, attempt: Attempt, u: Array, balanced: bool
     ) -> tuple[Attempt, Pairing]:
         """The attempt beside the pairing of its own answer, where contact slides far; that pairing."""
         by, geometry = self.stepper, self.stepper.model.geometry
         if step.pairing is None:
             return attempt, None
-        attempt = travelled(by, attempt, far)
+        attempt = travelled(by, attempt)
         if not attempt.failure and (own := self._pairing(step, u)) is not None:
             old, new, local = both = attempt.problem.kin, own[0], attempt.local
             # where forces balance, areas too are to be those of the answer: laws are by them

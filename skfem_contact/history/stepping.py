@@ -45,9 +45,8 @@ from skfem_contact.records import dataclass
 # many costs is won back by one that succeeds.
 LONGER = 2.0
 
-# What a step is cut to, of the distance that points may slide; and from which multiple of it on the
-# first round, on a pairing that is only predicted, is believed.
-AIM, FAR = 0.95, 1.3
+# What a step is cut to, of the distance that points may slide.
+AIM = 0.95
 
 # Rounds of plain repetition, which suffice where pressures are small against the modulus.
 PLAIN = 3
@@ -285,7 +284,7 @@ def on_own_pairing(by: Stepper, step: LoadStep, start: str) -> Attempt:
         attempt = replace(attempt, outcome=outcome)
         if not attempt.good:
             return attempt
-        attempt = travelled(by, attempt, 1.0 if number else FAR)
+        attempt = travelled(by, attempt)
         if attempt.failure:
             return attempt
         there = attempt.local.surface
@@ -323,11 +322,11 @@ def settled(by: Stepper, attempt: Attempt, own: Kinematics, mismatch: float) -> 
     gap = np.where(by.model.geometry.finite & (local.status == OPEN), own.gap0, local.gap)
     # an obstacle takes its points along without another condition, and forces act where they are now
     attempt = replace(attempt, mismatch=mismatch, local=replace(local, gap=gap), own_action=own.action)
-    return travelled(by, attempt, 1.0)
+    return travelled(by, attempt)
 
 
-def travelled(by: Stepper, attempt: Attempt, limit: float) -> Attempt:
-    """Measure how far points slid, over what is allowed; refuse what is beyond a limit."""
+def travelled(by: Stepper, attempt: Attempt) -> Attempt:
+    """Measure how far points slid, over what is allowed; refuse what is beyond it."""
     geometry, interface = by.model.geometry, by.model.interface
     last, new = attempt.start, attempt.local
     closed = (new.status != OPEN) & (last.status != OPEN) & geometry.finite
@@ -338,7 +337,7 @@ def travelled(by: Stepper, attempt: Attempt, limit: float) -> Attempt:
         share = np.max(way) / (by.options.max_travel * np.mean(contact.secondary.lengths))
         if not share <= travel:  # a NaN as well
             travel, culprit = float(share), part.start + int(np.argmax(way))
-    if travel > max(limit, 1.0 + SOLVED):
+    if travel > 1.0 + SOLVED:
         words = interface.point_words(culprit, attempt.problem.kin.points[culprit])
         words += f" slid {travel:.3g} times as far as max_travel allows"
         return replace(attempt, failure=words, travel=travel, culprit=culprit)
