@@ -379,7 +379,7 @@ ROWS = (
         "`u` of every step",
         "not asked for",
         displacements,
-        ("linalg/multifrontal/factor:_backward", "problem/substructure:recover"),
+        ("linalg/multifrontal:_backward", "problem/substructure:recover"),
         recovered,
     ),
     Row(

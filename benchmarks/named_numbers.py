@@ -169,8 +169,7 @@ def named_numbers(used: bool = True) -> list[Number]:
         code = compile(source, str(file), "exec")
         for function in functions(code):
             for name in function.co_names:
-                inside = f"{module.rpartition('.')[0]}.thresholds"  # thresholds.NAME
-                owner = found.get(known.get(name, (inside, name)))
+                owner = found.get(known.get(name, ("", name)))
                 if owner:
                     owner.users.add(
                         (str(file.relative_to(ROOT)), function.co_firstlineno, function.co_name)

@@ -36,13 +36,13 @@ The packages stand in the order of the theory, and each imports only from those 
 * `petsc`: linear solvers over MPI ranks, which nothing else knows of.
 
 All of them use `errors`, `arguments` and `arrays` (checks of what users pass, vectors, entries of
-matrices), `digits` (what is zero), `records` (what is made once, when it is first needed), `sealed`
-(values that do not change, in files and processes too) and `trees` (points near each other). Closed
+matrices), `digits` (what is zero), `records` (what is made once, when it is first needed, and what
+does not change, in files and processes too) and `trees` (points near each other). Closed
 forms to compare with are in `reference`, which needs none of these but checks of arguments.
 
 Public is what docs/interface.md lists: names of this package and of those in it. What many jobs do
-without
-is imported when it is first asked for: pictures, files, PETSc, obstacles, constraints alone, multigrid.
+without is imported when it is first asked for: pictures, files, PETSc, obstacles, constraints alone,
+multigrid.
 """
 
 import gc

@@ -27,6 +27,9 @@ C = TypeVar("C", bound=type)
 T = TypeVar("T")
 WORDS = (bool, np.bool_, str, bytes)
 
+# How many of a kind a message names: points that can not all be closed, rows that contradict others.
+NAMED = 4
+
 
 def shown(value: Any) -> str:
     """A value for a message: what it is, and not more of it than fits a line.

@@ -1,8 +1,7 @@
 """The number of digits that count, by where a number comes from: relative to the largest.
 
 What is smaller is zero, and what differs by less is equal. Most thresholds are one of these five; one
-that is not has a name and a reason of its own, at the top of its module or in the ``thresholds`` of its
-package.
+that is not has a name and a reason of its own, at the top of its module.
 """
 
 from __future__ import annotations

@@ -13,8 +13,8 @@ from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
 
 import skfem_contact as sc
-from skfem_contact.conditions import pair
-from skfem_contact.pairing import dual_mortar, node_to_segment, plane_moduli
+from skfem_contact.conditions import pair, plane_moduli
+from skfem_contact.pairing import dual_mortar, node_to_segment
 
 ELEMENTS = {
     "P1": (fem.MeshTri, fem.ElementTriP1),

@@ -13,9 +13,9 @@ from solid_meshes import KINDS, at, body, cube, elastic, onto_ball, shuffled
 import skfem_contact as sc
 from skfem_contact.bodies import KINDS as FACETS
 from skfem_contact.bodies import ContactSurface, bare_surface, tangents
+from skfem_contact.conditions import along_supports
 from skfem_contact.pairing import (
     FacetTree,
-    along_supports,
     closest_candidates,
     closest_facets,
     interpolated_normals,

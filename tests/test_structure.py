@@ -29,7 +29,6 @@ COMMON = (
     "arrays",
     "digits",
     "records",
-    "sealed",
     "trees",
 )
 ORDER = [name for name in LISTED if name not in (*COMMON, "reference")]
@@ -139,7 +138,7 @@ def test_closed_forms_depend_on_nothing():
 
 @pytest.mark.parametrize("name", [m for m in MODULES if m.split(".")[0] not in ("output", "reference")])
 def test_small_numbers_have_a_name_and_a_source(name):
-    """Tolerances stand at the top of a module or in `thresholds`, where it is said what they are."""
+    """Tolerances stand at the top of a module, where it is said what they are."""
     inside = [part for part in ast.walk(parsed(name)) if isinstance(part, ast.FunctionDef)]
     numbers = [
         node.value

@@ -1,15 +1,14 @@
 """Answers, and what can be said of them.
 
 * `answer`: all numbers of a load step, for the modules of this library, and forces of supports;
-  `fields`, `values`: those of each contact, between its points and at them; `placed`: where bodies
-  that are not linear are and what they remember, and how their residuals fell;
+  where bodies that are not linear are and what they remember, and how their residuals fell;
+  `fields`, `values`: those of each contact, between its points and at them;
 * `certificate`: how well the discrete equations hold, and forces that they leave open; `uniqueness`:
   whether there are other answers, by the pieces of the equation, or a proof that there is only one;
 * `validity`: whether the model holds; `estimate`, `surface_error`: how far the
   mesh may be off;
 * `tangent`: the answer linearised, and its derivatives;
-* `result`, `by_contact`: all of it as users see it, and printed; by contacts, and of the one there may
-  be.
+* `result`: all of it as users see it, by contacts, and printed.
 """
 
 from typing import TYPE_CHECKING

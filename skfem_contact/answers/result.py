@@ -1,56 +1,53 @@
 """`ContactResult`: the answer of one load step as users see it, per contact and for all bodies.
 
-Below it stands what is printed of it: a few lines, what is quickly known, or all; a table for
-notebooks.
+Below it stand the answer split by contact, and what is printed: a few lines, what is quickly known, or
+all; a table for notebooks.
 """
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Mapping
-from functools import cached_property
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from skfem_contact.answers.answer import Answer, reaction
-from skfem_contact.answers.by_contact import ByContact
+from skfem_contact.answers.answer import Answer, Newton, reaction
 from skfem_contact.answers.certificate import Certificate, certified, undetermined
-from skfem_contact.answers.placed import Newton
 from skfem_contact.answers.validity.assess import assess
 from skfem_contact.answers.validity.support import rigid_rotations, surface_turns
 from skfem_contact.answers.validity.validity import Validity
-from skfem_contact.answers.values import contact_lines, status_words
-from skfem_contact.arguments import known_keywords
+from skfem_contact.answers.values import ContactValues, OfTheContact, contact_lines, status_words
+from skfem_contact.arguments import known_keywords, suggest
 from skfem_contact.arrays import Array
 from skfem_contact.assemblies.bolt import BoltValues
 from skfem_contact.assemblies.joints import Joint, Joints
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.selection import written
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
+from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.state import OPEN, SLIP
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
 from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.rigid_body import RigidBody
-from skfem_contact.records import dataclass, once
-from skfem_contact.sealed import sealed
+from skfem_contact.records import dataclass, once, sealed
 
 if TYPE_CHECKING:
     from skfem_contact.answers.tangent.derivatives import Sensitivity
     from skfem_contact.answers.tangent.tangent import Tangent
     from skfem_contact.answers.uniqueness import Uniqueness
+    from skfem_contact.answers.values import ErrorEstimate
 
 #: Printed reports look for other answers up to so many gaps and slips: three seconds at most.
 MOST_ROWS = 2000
 
-#: The fall of friction, over the share by which slip is lengthened, from which on friction falls: three
-#: digits above the round-off of the bounds.
-FALLING = 1e-3
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactResult(ByContact):
+class ContactResult(OfTheContact):
     """The answer of one load step.
 
     What a contact knows (`ContactValues`: pressure, traction, slip, status, ...) is reached by
@@ -80,6 +77,62 @@ class ContactResult(ByContact):
     """
 
     _answer: Answer
+
+    # -- its contacts -------------------------------------------------------------------------
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the contacts, in the order given to the solver."""
+        return self._answer.names
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """The contacts themselves."""
+        return self._answer.contacts
+
+    @cached_property
+    def values(self) -> tuple[ContactValues, ...]:
+        """The answer of every contact, in the order given."""
+        parts = enumerate(self._answer.model.interface.point_slices)
+        return tuple(_values(self._answer, i, part) for i, part in parts)
+
+    def __getitem__(self, key: Contact | str | int) -> ContactValues:
+        return self.values[self._position(key)]
+
+    def __iter__(self) -> Iterator[ContactValues]:
+        return iter(self.values)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __bool__(self) -> bool:
+        return True  # of a result with `if result:` nobody asks how many contacts it has
+
+    def __contains__(self, key: object) -> bool:
+        known = isinstance(key, str) and key in self.names
+        return known or number_of(key, self.contacts) is not None or any(key is own for own in self)
+
+    def _position(self, key: Contact | str | int) -> int:
+        if isinstance(key, str):
+            if key in self.names:
+                return self.names.index(key)
+            raise InputError(f"there is no contact {key!r}{suggest(key, self.names, 'contacts')}")
+        if isinstance(key, int | np.integer):
+            if not -len(self.names) <= key < len(self.names):
+                raise InputError(f"there is no contact number {key}, only {len(self.names)} from 0 on")
+            return range(len(self.names))[key]
+        i = number_of(key, self.contacts)
+        if i is None:
+            raise InputError("this contact is not one of those of the solver: pass the same object")
+        return i
+
+    def _only(self, name: str) -> ContactValues:
+        if len(self.names) != 1:
+            raise AttributeError(
+                f"'{name}' belongs to a contact and there are {len(self.names)} of them "
+                f"({', '.join(self.names)}): write result['{self.names[0]}'].{name}"
+            )
+        return self.values[0]
 
     # -- how it ended -------------------------------------------------------------------------
 
@@ -513,6 +566,88 @@ class ContactResult(ByContact):
         return {name: value for name, value in vars(self).items() if name != "linearized"}
 
 
+def _values(answer: Answer, i: int, part: slice) -> ContactValues:
+    kin, state, contact = answer.kin, answer.local, answer.contacts[i]
+    status, smooth = state.status[part], _smooth(answer, part)
+    if np.count_nonzero(smooth):
+        status = np.where(smooth & (status != OPEN), SLIP, status)
+    heir = kin.heir[part] - part.start
+    gap, wear, area = answer.gap[part], state.wear[part], kin.area[part]
+    if kin.inherits:
+        gap, wear, status = gap[heir], wear[heir], status[heir]
+        area = np.where(heir == np.arange(len(heir)), area, 0.0)
+    lost, before = answer.dissipation_by_contact[i], answer.dissipation_before[i]
+    return ContactValues(
+        name=answer.names[i],
+        contact=contact,
+        points=contact.secondary.points,  # those of kin have moved, where contact slides far
+        normal=kin.normal[part],
+        tangent=kin.tangent[part],
+        gap=gap,
+        lost=_lost(answer, i, part),
+        status=status,
+        normal_force=state.normal_force[part],
+        tangential_force=-kin.friction_along(state.tangential_force[part], part),
+        area=area,
+        surface=contact.secondary,
+        heir=heir,
+        action=answer.action[part],
+        dissipation=float(lost),
+        dissipation_total=float(before + lost),
+        energy_residual=float(answer.residual_by_contact[i]),
+        wear_depth=wear,
+        worn_volume=float(state.worn[part].sum()),
+        assess=partial(_estimate, answer),
+        slips=partial(_slip, answer, part),
+        placed=partial(_placed, answer, contact),
+    )
+
+
+def _estimate(answer: Answer, values: ContactValues) -> ErrorEstimate:
+    from skfem_contact.answers.estimate import estimate  # most results are never asked for it
+
+    return estimate(answer, values)
+
+
+def _placed(answer: Answer, contact: Contact) -> ContactSurface:
+    """The secondary surface whose areas count: the deformed one, where strains may be large."""
+    surface = contact.secondary
+    if contact.sliding == "small" or not getattr(surface.body, "finite_strain", False):
+        return surface
+    return surface.moved(answer.displacement(surface.body))
+
+
+def _smooth(answer: Answer, part: slice) -> NDArray[np.bool_]:
+    """Points without friction or glue: nothing tangential is solved for."""
+    return ~answer.model.interface.slipping[part] & (answer.kin.tangents > 0)
+
+
+def _lost(answer: Answer, i: int, part: slice) -> NDArray[np.bool_]:
+    """See `ContactValues.lost`."""
+    contact, tracks = answer.contacts[i], answer.diagnostics.tracks
+    if contact.sliding == "small" or not tracks:
+        return np.zeros(part.stop - part.start, dtype=bool)
+    # a node that handed its multiplier on has a partner
+    own = answer.kin.heir[part] == np.arange(part.start, part.stop)
+    gone = tracks[i].paired & ~answer.kin.paired[part] & own
+    facets, presses = contact.secondary.facets, answer.state.normal_force[part] > 0
+    beside = np.zeros(len(gone), dtype=bool)
+    beside[facets[presses[facets].any(axis=1)]] = True
+    return gone & beside
+
+
+def _slip(answer: Answer, part: slice) -> Array:
+    kin, state, t = answer.kin, answer.local, answer.kin.tangents
+    slip, smooth = (state.slip - state.reference)[part], _smooth(answer, part)
+    if smooth.any():
+        rows = slice(part.start * t, part.stop * t)
+        moved = (kin.B_t[rows] @ answer.u).reshape(-1, t) + answer.seen.slip0[part]
+        moved = np.where((state.status[part] != OPEN)[:, None], moved, 0.0)
+        slip = np.where(smooth[:, None], moved, slip)
+    slip = kin.slip_along(slip, part)
+    return slip[kin.heir[part] - part.start] if kin.inherits else slip
+
+
 #: What a printed result leaves to the report, and how to get it.
 MORE = (
     "print(result.report()) adds the estimated error of the mesh, the validity of the model in\n"
@@ -607,7 +742,8 @@ def _fall_lines(answer: Answer) -> list[str]:
 def falling(answer: Answer, share: float) -> list[str]:
     """Return the contacts whose friction falls over this share of the slip of points that slip.
 
-    A share of -1 compares it with that without slip.
+    A share of -1 compares it with that without slip. Round-off of bounds is four digits below what
+    counts, even over a share as small as that.
     """
     names, state = [], answer.local
     slip = state.slip - state.reference
@@ -615,7 +751,7 @@ def falling(answer: Answer, share: float) -> list[str]:
         here = np.maximum(state.normal_force[part], 0.0), answer.kin.area[part]
         now = law.limit(*here, slip[part])
         rise = (law.limit(*here, (1 + share) * slip[part]) - now) / share
-        if (rise < -FALLING * now)[state.status[part] == SLIP].any():
+        if (rise < -GIVEN * now)[state.status[part] == SLIP].any():
             names.append(name)
     return names
 

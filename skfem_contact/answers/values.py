@@ -1,11 +1,13 @@
 """`ContactValues`: pressure, traction, gap and slip on the secondary surface of one contact.
 
-`ErrorEstimate` has what is estimated of their errors, by its sources.
+`ErrorEstimate` has what is estimated of their errors, by its sources. Where a result has one contact,
+the properties of its values stand on the result itself (`OfTheContact`).
 """
 
 from __future__ import annotations
 
 import textwrap
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import field, fields
 from functools import cached_property
@@ -24,8 +26,7 @@ from skfem_contact.conditions.friction import steep_words
 from skfem_contact.conditions.state import OPEN, SLIP, STATUS, STICK
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import seal, sealed
+from skfem_contact.records import dataclass, seal, sealed
 
 #: Energy that the balance of a step misses, over the energy lost, from which on it is said: the loss of
 #: the README's scene, pressed and released, is then wrong by a third of that.
@@ -606,3 +607,57 @@ def relative(edges: Array, facets: Array, scatter: Array, size: float) -> tuple[
         float(np.sqrt(part.sum() / size)) if size > 0 else 0.0 for part in (edges, facets, scatter)
     ]
     return (norms[0], norms[1], norms[2]), share
+
+
+class _Its(property):
+    """A property of the only contact of a result, by its own name, of the annotated type."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        def only(result: OfTheContact) -> Any:
+            return getattr(result._only(name), name)
+
+        only.__doc__ = f"The `{name}` of the only contact, see `ContactValues.{name}`."
+        only.__annotations__["return"] = owner.__annotations__[name]
+        super().__init__(only)
+
+
+def its() -> Any:
+    """For type checkers a value of the annotated type."""
+    return _Its()
+
+
+class OfTheContact(NamesAttributes, ABC):
+    """Properties of the contact itself, for results with one contact.
+
+    With several contacts they are AttributeErrors that name the contacts: nothing is joined.
+    """
+
+    @abstractmethod
+    def _only(self, name: str) -> ContactValues:
+        """The values of the only contact; `name` is the property that is asked for."""
+
+    points: Array = its()
+    normal: Array = its()
+    tangent: Array = its()
+    area: Array = its()
+    gap: Array = its()
+    slip: Array = its()
+    slip_vector: Array = its()
+    status: NDArray[np.intp] = its()
+    pressure: Array = its()
+    traction: Array = its()
+    friction_stress: Array = its()
+    normal_force: Array = its()
+    tangential_force: Array = its()
+    tangential_force_vector: Array = its()
+    forces: Array = its()
+    force: Array = its()
+    force_on_primary: Array = its()
+    moment: Callable[..., Any] = its()
+    contact_area: float = its()
+    wear_depth: Array = its()
+    worn_volume: float = its()
+    contact_edges: Array = its()
+    error_estimate: ErrorEstimate = its()
+    interpolate: Callable[[ArrayLike, ArrayLike], Array] = its()
+    integrate: Callable[[ArrayLike], Any] = its()

@@ -1,8 +1,8 @@
 """Assemblies: many bodies read from files, their contacts found, bolts, and reports of joints.
 
 * `reading`: bodies from files of tagged meshes;
-* `facing`: the boundaries of all bodies, and where they face each other; `finding`: pairs of patches
-  from that, and contacts from these;
+* `finding`: where the boundaries of all bodies face each other, pairs of patches from that, and
+  contacts from these;
 * `bolt`: pretension sections of bolts, by force or stretch, then locked;
 * `joints`: tables of joints and of load cases.
 """

@@ -50,8 +50,7 @@ from skfem_contact.bodies.system import System
 from skfem_contact.conditions.state import BoltLoads, LoadCase
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import copied, sealed
+from skfem_contact.records import copied, dataclass, sealed
 
 #: Shift and force of each bolt, by name.
 ByBolt = dict[str, tuple[float, float]]

@@ -15,8 +15,7 @@ from skfem_contact.conditions.friction import CheckedLaw
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import sealed
+from skfem_contact.records import dataclass, sealed
 
 T = TypeVar("T")
 

@@ -2,7 +2,7 @@
 
 * `inputs`, `selection`: matrices, vectors, sets of DOFs and facets as users pass them, checked;
   nodes of facets, and pieces of a mesh; tractions and displacements by the names of boundaries;
-* `assembly`: stiffness and moduli from a form; `quadrature`: points of integration, gradients;
+* `assembly`: points of integration, gradients, and from a form stiffness and moduli;
 * `member`: what is asked of a body, and its rigid modes; `body`, `system`: one, and several under one
   numbering; `nonlinear`: bodies that yield or stretch, `equations`: their equations; a
   stiffness that is held elsewhere, by a backend;

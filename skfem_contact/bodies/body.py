@@ -20,7 +20,7 @@ from skfem.assembly import BilinearForm, CellBasis
 
 from skfem_contact.arguments import check_name, known_keywords, with_known_keywords
 from skfem_contact.arrays import Array
-from skfem_contact.bodies.assembly import Moduli, mean_moduli, moduli
+from skfem_contact.bodies.assembly import Moduli, mean_moduli, moduli, volume
 from skfem_contact.bodies.equations import Gradients
 from skfem_contact.bodies.inputs import (
     CONDENSED,
@@ -38,13 +38,11 @@ from skfem_contact.bodies.inputs import (
     stiffness_of,
 )
 from skfem_contact.bodies.member import Linearized, Meshed, State, motion_names, rigid_modes
-from skfem_contact.bodies.quadrature import volume
 from skfem_contact.bodies.selection import displacements, pieces, tractions
 from skfem_contact.bodies.surface import ContactSurface, extract_surface
 from skfem_contact.errors import InputError
 from skfem_contact.materials.elastic import Elastic, OfMaterial
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import can_be_carried, carried, seal
+from skfem_contact.records import can_be_carried, carried, dataclass, seal
 
 
 @with_known_keywords(

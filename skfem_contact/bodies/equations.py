@@ -38,15 +38,20 @@ from skfem.assembly.form.form import FormExtraParams
 
 from skfem_contact.arguments import check_kind, shown
 from skfem_contact.arrays import Array, runs
-from skfem_contact.bodies.assembly import NeedsMore, check_numbering, pattern
+from skfem_contact.bodies.assembly import (
+    NeedsMore,
+    check_numbering,
+    pattern,
+    point_volumes,
+    scalar_element,
+    shape_gradients,
+)
 from skfem_contact.bodies.inputs import stiffness_of
 from skfem_contact.bodies.member import Linearized, State
-from skfem_contact.bodies.quadrature import point_volumes, scalar_element, shape_gradients
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, MaterialError
-from skfem_contact.materials.material import everywhere
-from skfem_contact.materials.tensors import deformation, dilatation, solid
-from skfem_contact.sealed import sealed_matrix
+from skfem_contact.materials.material import deformation, dilatation, everywhere, solid
+from skfem_contact.records import sealed_matrix
 
 
 class Gradients:

@@ -18,8 +18,7 @@ from skfem_contact.arguments import numbers
 from skfem_contact.arrays import Array, Index, across, sizes
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import sealed
+from skfem_contact.records import dataclass, sealed
 
 # What corners of a face take of the middles of their edges where their own integrals are not positive.
 TAKEN = 0.2

@@ -14,12 +14,18 @@ from skfem.assembly import BilinearForm, CellBasis, DofsView, LinearForm
 
 from skfem_contact.arguments import number, shown, suggest
 from skfem_contact.arrays import check_finite, check_size, check_type, dof_numbers, rectangular
-from skfem_contact.bodies.assembly import Assembled, assembled
+from skfem_contact.bodies.assembly import (
+    Assembled,
+    DeferredBasis,
+    assembled,
+    integrates,
+    parts,
+    scalar_element,
+)
 from skfem_contact.bodies.member import RemoteStiffness
-from skfem_contact.bodies.quadrature import DeferredBasis, integrates, parts, scalar_element
 from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF
 from skfem_contact.errors import InputError, warn
-from skfem_contact.sealed import sealed_matrix
+from skfem_contact.records import sealed_matrix
 
 # A number on the diagonal of K that is larger than all others by this factor prescribes a displacement.
 # skfem.penalize writes 1e10. Springs that are meant as springs are far below: beside one as stiff as

@@ -18,7 +18,7 @@ from skfem_contact.arguments import NamesAttributes
 from skfem_contact.arrays import Array, Index
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.sealed import sealed
+from skfem_contact.records import sealed
 
 #: Internal variables of a body by name, each of shape (..., elements, points of integration).
 State = Mapping[str, Any]

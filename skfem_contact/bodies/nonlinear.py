@@ -14,15 +14,14 @@ from skfem.assembly import BilinearForm, CellBasis, LinearForm
 
 from skfem_contact.arguments import check_switch, numbers, shown, with_known_keywords
 from skfem_contact.arrays import Array, check_finite
+from skfem_contact.bodies.assembly import LINEAR, boundary_basis, scalar_element
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.equations import Continuum, Differentiated, Forms, Gradients, scattered
 from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points, dof_values
 from skfem_contact.bodies.member import Linearized, State
-from skfem_contact.bodies.quadrature import LINEAR, boundary_basis, scalar_element
 from skfem_contact.bodies.selection import boundary_dofs, check_not_lost
 from skfem_contact.errors import InputError, warn
-from skfem_contact.materials.material import FromFunction, Material, Split
-from skfem_contact.materials.tensors import deformation, solid
+from skfem_contact.materials.material import FromFunction, Material, Split, deformation, solid
 from skfem_contact.records import dataclass
 
 #: Elements of first order that the mean change of volume does not help: theirs is constant.

@@ -18,10 +18,10 @@ from skfem.assembly import DofsView
 
 from skfem_contact.arguments import number, numbers, shown
 from skfem_contact.arrays import Array, Index, Mask, check_finite, sizes
+from skfem_contact.bodies.assembly import boundary_basis
 from skfem_contact.bodies.facet_kinds import FacetKind, area_elements, area_vectors, node_positions
 from skfem_contact.bodies.inputs import facets_named
 from skfem_contact.bodies.member import Member
-from skfem_contact.bodies.quadrature import boundary_basis
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError, warn
 from skfem_contact.trees import pairs_within

@@ -41,8 +41,7 @@ from skfem_contact.bodies.selection import (
     select_facets,
 )
 from skfem_contact.errors import InputError
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import seal, sealed
+from skfem_contact.records import dataclass, seal, sealed
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,7 @@ from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.inputs import csr32
 from skfem_contact.bodies.member import Member, check_whole
 from skfem_contact.errors import InputError
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import sealed, sealed_matrix
+from skfem_contact.records import dataclass, sealed, sealed_matrix
 
 
 @dataclass(frozen=True, eq=False)

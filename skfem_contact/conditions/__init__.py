@@ -2,9 +2,9 @@
 
 * `friction_rule`: what friction makes of trial forces, and the rule at all points; `friction`: laws, of
   wear too, every value checked; `orthotropic`: friction with a material direction;
-* `contact`, `discretisation`, `kinematics`, `geometry`: one contact, its pairing, gaps and slips, and
-  where they are when contact slides far; `rows`: their matrices, along the axes of friction, of rigid
-  bodies too;
+* `contact`, `discretisation`, `kinematics`, `geometry`: one contact, its pairing, frames of small
+  sliding, gaps and slips, and where they are when contact slides far; `rows`: their matrices, along the
+  axes of friction, of rigid bodies too;
 * `interface`: laws of all points, and what a state belongs to; `state`: loads of a step, and what
   friction remembers;
 * `motions`: what supports leave free, in words too, and whether contact holds it;
@@ -27,7 +27,7 @@ __getattr__, __dir__ = entrances(
     __name__,
     __all__,
     {
-        "discretisation": "carriers pair",
+        "discretisation": "along_supports carriers pair plane_moduli",
         "friction": "Archard CheckedLaw FrictionLaw steep_words unlawful",
         "friction_rule": "Derivatives FrictionRule radial_return",
         "kinematics": "Kinematics",

@@ -25,8 +25,7 @@ from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.obstacles.rigid_body import RigidBody
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import carried, kept
+from skfem_contact.records import carried, dataclass, kept
 
 Field: TypeAlias = "ArrayLike | Callable[[Array], ArrayLike]"
 

@@ -37,8 +37,7 @@ from skfem_contact.conditions.friction_rule import (
 )
 from skfem_contact.digits import COMPUTED, SINGLE, SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import ByFields, kept, sealed
+from skfem_contact.records import ByFields, dataclass, kept, sealed
 
 #: Why a bound is not negative, and what to do where nothing is to slip.
 NO_SIGN = (

@@ -35,8 +35,7 @@ from skfem_contact.conditions.state import LocalState
 from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF, SINGLE, SOLVED
 from skfem_contact.errors import NoEquilibrium
 from skfem_contact.obstacles.rigid_body import RigidBody
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import ByFields
+from skfem_contact.records import ByFields, dataclass
 
 # A mode with less than this share of a motion is not named in messages.
 NOT_NAMED = 1e-3

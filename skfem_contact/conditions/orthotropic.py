@@ -40,8 +40,7 @@ from skfem_contact.conditions.friction_rule import LinearBound
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.node import Pairing
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import carried, kept, sealed
+from skfem_contact.records import carried, dataclass, kept, sealed
 
 # Least ratio of two coefficients of friction. Rows of slips are multiplied by it, and have to stay far
 # above GIVEN, below which a row counts as prescribed.

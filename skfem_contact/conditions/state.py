@@ -19,8 +19,7 @@ from skfem_contact.arrays import Array, Index, Mask, largest
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.digits import COMPUTED
 from skfem_contact.obstacles.obstacle import rotation_matrix, spin
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import ByFields
+from skfem_contact.records import ByFields, dataclass
 
 OPEN, STICK, SLIP = range(3)
 STATUS = ("open", "stick", "slip")

@@ -5,8 +5,8 @@
   displacements when asked for;
 * `stepper`, `stepping`: one attempt; with the pairing and the wear of its own answer, and in
   smaller steps;
-* `nonlinear`: the same for bodies that are not linear, linearised at every iterate; `refined`: its
-  linear problems to all their digits, and what is to be said of its answers;
+* `nonlinear`: the same for bodies that are not linear, linearised at every iterate, its linear problems
+  to all their digits, and what is to be said of its answers;
 * `neutral_equilibrium`, `equilibrium`: bodies whose place nothing decides; the answer, or
   why there is none;
 * `solve_step`: from a load case to a result;

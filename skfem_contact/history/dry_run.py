@@ -24,17 +24,13 @@ from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.multifrontal.fronts import FactorSize
-from skfem_contact.linalg.resources import written_bytes
+from skfem_contact.linalg.dense_factors import written_bytes
+from skfem_contact.linalg.fronts import FactorSize
 from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.pairing.diagnosis import diagnose, say_stiffer
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.trees import pairs_within
-
-# Forces of a rigid motion over those that the diagonal of K alone gives: round-off of a motion that K
-# does not resist is 1e-15 to 1e-12; a mesh that has been scaled by 1.001 is far above both.
-UNRESISTED, RESISTED = 1e-10, 1e-7
 
 # Bodies that are so many times as large as others may be meant, or metres beside millimetres (1000
 # times, where the bodies themselves are alike within a factor of three).
@@ -256,8 +252,9 @@ def _own_turn(body: Body) -> list[str]:
     turns = np.array(["rotation" in name for name in body.rigid_mode_names])
     forces = np.linalg.norm(body.K @ R, axis=0)
     scale = np.linalg.norm(body.K.diagonal()[:, None] * R, axis=0)
-    resisted = forces / np.where(scale > 0, scale, 1.0)
-    if resisted[~turns].max() > UNRESISTED or resisted[turns].max() < RESISTED:
+    # round-off of a motion that K does not resist is 1e-12 at most, a mesh scaled by 1.001 far above
+    resisted = forces / np.where(scale > 0, scale, 1.0) > SOLVED
+    if resisted[~turns].any() or not resisted[turns].any():
         return []
     return [
         "  K resists rotations of the whole body and no translations: as meant, if it is that of a "

@@ -10,22 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.placed import Placed
+from skfem_contact.answers.answer import Answer, Placed
 from skfem_contact.arrays import Array, lengths
 from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import LoadCase, LocalState, State
-from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.loops.driver import Outcome
 from skfem_contact.loops.step import Record
 from skfem_contact.problem.condensed import Condensed
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.points import Load, PointSpace, Response
 from skfem_contact.problem.seam import ContactProblem, Source, Workspace
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import sealed
+from skfem_contact.records import dataclass, sealed
 
 if TYPE_CHECKING:
     from skfem_contact.loops.pulled import Carried

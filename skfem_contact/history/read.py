@@ -26,7 +26,7 @@ from skfem_contact.conditions.state import BoltLoads, LoadCase, Motion
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import read_motion
 from skfem_contact.obstacles.rigid_body import RigidBody
-from skfem_contact.sealed import copied
+from skfem_contact.records import copied
 
 KEYS = ("f", "x", "interference", "motion", "bolt")
 

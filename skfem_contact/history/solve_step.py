@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skfem_contact.answers.answer import Answer
+from skfem_contact.answers.answer import Answer, Newton, Placed
 from skfem_contact.answers.certificate import certified
-from skfem_contact.answers.placed import Newton, Placed
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.validity.assess import Watch
 from skfem_contact.answers.validity.validity import Issued
@@ -34,14 +33,13 @@ from skfem_contact.history.equilibrium import EquilibriumSearch, Verdict
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.read import StepReader
 from skfem_contact.history.stepper import Stepper
-from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.loops.driver import NOTHING_HOLDS, converged_words
 from skfem_contact.loops.starts import natural_state
 from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.problem.seam import Workspace
-from skfem_contact.records import dataclass, once
-from skfem_contact.sealed import ByFields
+from skfem_contact.records import ByFields, dataclass, once
 
 if TYPE_CHECKING:
     from skfem_contact.history.checkpoint import SavedState

@@ -47,15 +47,14 @@ from skfem_contact.history.load_step import recover_all
 from skfem_contact.history.read import KEYS, PartialResults, StepReader
 from skfem_contact.history.solve_step import StepSolver
 from skfem_contact.history.stepper import Stepper
-from skfem_contact.linalg.multifrontal.fronts import FactorSize
-from skfem_contact.linalg.resources import Limits
+from skfem_contact.linalg.dense_factors import Limits
+from skfem_contact.linalg.fronts import FactorSize
 from skfem_contact.loops.driver import LOOPS, Options
 from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.substructure import Substructure
-from skfem_contact.records import Lock
-from skfem_contact.sealed import carried, sealed
+from skfem_contact.records import Lock, carried, sealed
 
 if TYPE_CHECKING:
     from skfem_contact.answers.tangent.derivatives import Gradient, Jacobian

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import qr
 from scipy.sparse import csr_matrix, vstack
 
+from skfem_contact.arguments import NAMED
 from skfem_contact.arrays import Array, Mask
 from skfem_contact.conditions.friction import Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule, jumps_open
@@ -16,7 +17,7 @@ from skfem_contact.conditions.motions import balanced
 from skfem_contact.conditions.state import OPEN, LoadCase, LocalState, State
 from skfem_contact.errors import ConstraintError
 from skfem_contact.history.load_step import Attempt, LoadStep
-from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.loops.active_set import friction_of_prescribed_slip
 from skfem_contact.loops.driver import LOOPS, Options, Outcome, drive
 from skfem_contact.loops.multipliers import Collision
@@ -29,14 +30,10 @@ from skfem_contact.loops.step import Step
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.points import Load
 from skfem_contact.problem.seam import ContactProblem
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import ByFields
+from skfem_contact.records import ByFields, dataclass
 
 # Round-off of contact forces over the terms that cancel where nothing presses.
 NOISE = 10 * float(np.finfo(float).eps)
-
-# How many points that can not all be closed a message names.
-NAMED = 4
 
 # Where contact slides far its normals turn by the strains of the surfaces: motions that points hold by
 # no more than that may be free. Whether they are the reaction of the held DOFs says.

@@ -32,7 +32,7 @@ from skfem_contact.arrays import Array, Mask, lengths
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, LocalState
-from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
+from skfem_contact.digits import COMPUTED, GIVEN, NEWTON_STEPS, SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep
 from skfem_contact.history.stepper import RAN_AWAY, Stepper
@@ -44,11 +44,10 @@ from skfem_contact.records import dataclass
 
 # A step that fails is halved, and after a success the next part is twice as large: what one cut too
 # many costs is won back by one that succeeds.
-SHORTER, LONGER = 0.5, 2.0
+LONGER = 2.0
 
-# What a step is cut to, of the distance that points may slide; and from which multiple of it on the
-# first round, on a pairing that is only predicted, is believed.
-AIM, FAR = 0.95, 1.3
+# What a step is cut to, of the distance that points may slide.
+AIM = 0.95
 
 # Rounds of plain repetition, which suffice where pressures are small against the modulus.
 PLAIN = 3
@@ -64,8 +63,6 @@ ANSWERED = 0.3
 
 # What a step is shortened by at least: pressures that have become zero do not say by how much.
 FAR_TOO_LONG = 4.0
-
-WEAR_ROUNDS = 20
 
 logger = logging.getLogger("skfem_contact")
 
@@ -113,7 +110,7 @@ class Bisection:
 
     def cut(self, travel: float) -> None:
         """Take a smaller part: half of it, or as much as lets no point slide too far."""
-        shorter = SHORTER
+        shorter = 1 / LONGER
         if travel > 1.0:  # no fault of the step's but its size: measured, not tried
             shorter = AIM / travel
             self.smallest *= shorter
@@ -133,7 +130,7 @@ def advance(
     """
     interface = by.model.interface
     so_far = Advance(np.zeros((2, len(interface.names))))
-    parts = Bisection(by.options.max_cuts, SHORTER**by.options.max_cuts)
+    parts = Bisection(by.options.max_cuts, LONGER**-by.options.max_cuts)
     part = step  # that is attempted: from where the parts before it have come to
     starts = by.starts_from(step.known)
     freed: Attempt | None = None  # of pivoting, which has left a motion free
@@ -220,7 +217,7 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
         return _with_depth(by, step, start, last.wear)
     depth, secant, trace = last.wear, Anderson(), list[Record]()
     share = before = 0.0
-    for number in range(WEAR_ROUNDS):
+    for number in range(NEWTON_STEPS):
         attempt = _with_depth(by, step, start, depth)
         trace += attempt.outcome.trace
         attempt = replace(attempt, outcome=replace(attempt.outcome, trace=tuple(trace)))
@@ -242,7 +239,7 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
         before, start = left, "warm"
         depth = secant.next(depth, depth + change)
         step = replace(step, known=attempt.state)
-    return replace(attempt, failure=f"the depth worn off did not settle in {WEAR_ROUNDS} rounds")
+    return replace(attempt, failure=f"the depth worn off did not settle in {NEWTON_STEPS} rounds")
 
 
 def _with_depth(by: Stepper, step: LoadStep, start: str, depth: Array) -> Attempt:
@@ -288,7 +285,7 @@ def on_own_pairing(by: Stepper, step: LoadStep, start: str) -> Attempt:
         attempt = replace(attempt, outcome=outcome)
         if not attempt.good:
             return attempt
-        attempt = travelled(by, attempt, 1.0 if number else FAR)
+        attempt = travelled(by, attempt)
         if attempt.failure:
             return attempt
         there = attempt.local.surface
@@ -326,11 +323,11 @@ def settled(by: Stepper, attempt: Attempt, own: Kinematics, mismatch: float) -> 
     gap = np.where(by.model.geometry.finite & (local.status == OPEN), own.gap0, local.gap)
     # an obstacle takes its points along without another condition, and forces act where they are now
     attempt = replace(attempt, mismatch=mismatch, local=replace(local, gap=gap), own_action=own.action)
-    return travelled(by, attempt, 1.0)
+    return travelled(by, attempt)
 
 
-def travelled(by: Stepper, attempt: Attempt, limit: float) -> Attempt:
-    """Measure how far points slid, over what is allowed; refuse what is beyond a limit."""
+def travelled(by: Stepper, attempt: Attempt) -> Attempt:
+    """Measure how far points slid, over what is allowed; refuse what is beyond it."""
     geometry, interface = by.model.geometry, by.model.interface
     last, new = attempt.start, attempt.local
     closed = (new.status != OPEN) & (last.status != OPEN) & geometry.finite
@@ -343,7 +340,7 @@ def travelled(by: Stepper, attempt: Attempt, limit: float) -> Attempt:
         share = np.max(way) / (by.options.max_travel * np.mean(contact.secondary.lengths))
         if not share <= travel:  # a NaN as well
             travel, culprit = float(share), part.start + int(np.argmax(way))
-    if travel > max(limit, 1.0 + SOLVED):
+    if travel > 1.0 + SOLVED:
         words = interface.point_words(culprit, attempt.problem.kin.points[culprit])
         words += f" slid {travel:.3g} times as far as max_travel allows"
         return replace(attempt, failure=words, travel=travel, culprit=culprit)

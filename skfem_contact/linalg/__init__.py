@@ -1,14 +1,14 @@
 """Linear solvers, which know nothing of contact.
 
-* `backend`: the interface of a solver, and what contact needs of a factorised body;
+* `backend`: the interface of a solver, what contact needs of a factorised body, and singular matrices
+  recognised;
 * `direct`, `amg`: the ones that come with the library;
-* `multifrontal`: Cholesky factorisation that leaves a Schur complement;
+* `multifrontal`: Cholesky factorisation that leaves a Schur complement on chosen DOFs, how fronts add
+  up, and what forces on some DOFs move there; `ordering`: nested dissection from positions; `fronts`:
+  what every front holds, and how large they will be;
 * `dense_factors`: factors of dense matrices, the one place that calls LAPACK for them, matrices changed
-  in place, and least squares with a bound;
-* `krylov`: iterations for unsymmetric equations, and secants for fixed points;
-* `singular`: singular matrices recognised;
-* `resources`: one BLAS thread for small blocks, and the memory that a factorisation will take;
-* `thresholds`: numbers, and where they come from.
+  in place, least squares with a bound, one BLAS thread, and the memory that a factorisation will take;
+* `krylov`: iterations for unsymmetric equations, and secants for fixed points.
 """
 
 from typing import TYPE_CHECKING
@@ -27,12 +27,11 @@ __getattr__, __dir__ = entrances(
     {
         "amg": "AMG conjugate_gradients hierarchy",
         "backend": "Backend",
-        "dense_factors": "cholesky factorised lu nonnegative_least_squares",
+        "dense_factors": "cholesky factorised lu nonnegative_least_squares Limits single_threaded",
         "direct": "as_linear_solver Direct FromSolver",
         "krylov": "Anderson gmres",
-        "multifrontal.factor": "MultifrontalCholesky SurfaceResponse",
-        "multifrontal.fronts": "analyse factor_size find_runs",
-        "multifrontal.ordering": "dissect dissection_order",
-        "resources": "Limits single_threaded",
+        "multifrontal": "MultifrontalCholesky SurfaceResponse",
+        "fronts": "analyse factor_size find_runs",
+        "ordering": "dissect dissection_order",
     },
 )

@@ -14,9 +14,8 @@ from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.arguments import with_known_keywords
 from skfem_contact.errors import LinearSolveError
-from skfem_contact.linalg.backend import Backend, Factorisation, by_column
+from skfem_contact.linalg.backend import Backend, Factorisation, by_column, check_diagonal
 from skfem_contact.linalg.krylov import divided, gmres, sizes_of_parts
-from skfem_contact.linalg.singular import check_diagonal
 
 
 @with_known_keywords(tolerance="write tol")

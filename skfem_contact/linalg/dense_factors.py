@@ -11,9 +11,16 @@ Large ones are changed in place, by blocks of rows, without a second one beside 
 
 Least squares with unknowns that are not negative are here too: `scipy.optimize.nnls` of SciPy 1.15, the
 last one for Python 3.10, gives answers that are not the least ones, without a word.
+
+So are one BLAS thread for the many small dense blocks of contact problems, and memory: how much a
+factorisation may take, before anything is known of it, and in words.
 """
 
 from __future__ import annotations
+
+from functools import lru_cache
+from threading import Lock, local
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +29,126 @@ from scipy.linalg import LinAlgError, lapack
 from skfem_contact.arrays import Array, Mask
 from skfem_contact.digits import ROUND_OFF
 from skfem_contact.errors import SingularMatrix
-from skfem_contact.linalg import thresholds
 from skfem_contact.records import dataclass
+
+# Rows of a dense matrix that are worked on at once: enough for matrix products, few beside the matrix.
+ROWS_AT_ONCE = 1024
+
+# Rows of a triangle that are copied at once: few operations, and a block that caches hold.
+MIRRORED_AT_ONCE = 128
+
+# Twice the bytes of the factors of squares over n log2 n, and of cubes over n^1.37: 3.2 GB are taken by
+# a million DOFs in the plane; 0.21, 0.98 and 2.8 GB for 30 000, 95 000 and 202 000 in space.
+FACTORS_2D, FACTORS_3D = 240.0, 300.0
+
+
+class SingleThreaded:
+    """The time in which BLAS has one thread: from the first who asks for it to the last who leaves.
+
+    The dense blocks of contact problems are small: two threads spend their time waiting for each
+    other and cost up to 30 times the CPU.
+
+    The setting is one of the process as a rule. If everyone who came set it and took it back, one of
+    two Python threads would take back what the other still needs, and the other leave one thread for
+    good. Of a BLAS that has a setting for each Python thread every one takes back its own.
+    """
+
+    def __init__(self) -> None:
+        self._lock, self._inside, self.taken = Lock(), 0, list[tuple[Any, int]]()
+        self._own = _Own()
+
+    def __enter__(self) -> None:
+        own = self._own
+        if not own.depth:
+            with self._lock:
+                for library in _blas().lib_controllers:
+                    # asking takes a microsecond, setting twenty
+                    if (count := library.num_threads) != 1:
+                        (own if _of_each_thread(library) else self).taken.append((library, count))
+                        _set(library, 1)
+                self._inside += 1
+        own.depth += 1
+
+    def __exit__(self, *failed: object) -> None:
+        own = self._own
+        own.depth -= 1
+        if not own.depth:
+            _give_back(own.taken)
+            with self._lock:
+                self._inside -= 1
+                if not self._inside:
+                    _give_back(self.taken)
+
+
+class _Own(local):
+    """The number of times that a thread is inside, and what it has set for itself."""
+
+    def __init__(self) -> None:
+        self.depth, self.taken = 0, list[tuple[Any, int]]()
+
+
+def _of_each_thread(library: Any) -> bool:
+    """Return whether each Python thread has a setting of its own."""
+    return library.internal_api == "mkl" or getattr(library, "threading_layer", "") == "openmp"
+
+
+def _set(library: Any, count: int) -> None:
+    library.set_num_threads(count)
+    # threadpoolctl lets nobody but the thread that was first set it, until that gives it free
+    free = getattr(library, "clear_controlling_thread", None)
+    if free is not None:
+        free()
+
+
+def _give_back(taken: list[tuple[Any, int]]) -> None:
+    while taken:
+        _set(*taken.pop())
+
+
+#: One for the process: BLAS has one thread as long as anybody is ``with`` it.
+single_threaded = SingleThreaded()
+
+
+@lru_cache(maxsize=1)
+def _blas() -> Any:
+    from threadpoolctl import ThreadpoolController  # it looks for libraries when it is imported
+
+    return ThreadpoolController().select(user_api="blas")
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The memory that a solver may take [bytes]."""
+
+    dense: float
+    factors: float
+
+
+def factor_bound(n: int, dim: int) -> float:
+    """About twice what the factors of a body of n DOFs take in general [bytes].
+
+    Where this is allowed, nobody needs to look closer.
+
+    >>> f"{factor_bound(100_000, 3):.2g}", f"{factor_bound(100_000, 2):.2g}"
+    ('2.1e+09', '4e+08')
+    """
+    if n < 2:
+        return 0.0
+    if dim < 3:
+        return float(FACTORS_2D * n * np.log2(n))
+    return float(FACTORS_3D * n**1.37)
+
+
+def written_bytes(count: float) -> str:
+    """A number of bytes with three digits.
+
+    >>> written_bytes(80), written_bytes(1234567), written_bytes(3e9)
+    ('80 B', '1.23 MB', '3 GB')
+    """
+    for unit, size in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if count >= size:
+            return f"{count / size:.3g} {unit}"
+    return f"{count:.0f} B"
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,8 +294,7 @@ def factorised(A: Array, symmetric: bool) -> DenseFactors:
 
 def blocks(count: int) -> list[slice]:
     """Rows that are worked on at once; a matrix that is not large is one block."""
-    some = thresholds.ROWS_AT_ONCE
-    return [slice(begin, min(begin + some, count)) for begin in range(0, count, some)]
+    return [slice(begin, min(begin + ROWS_AT_ONCE, count)) for begin in range(0, count, ROWS_AT_ONCE)]
 
 
 def symmetrise(A: Array) -> None:
@@ -195,8 +319,8 @@ def mirror(A: Array) -> None:
     >>> A.tolist()
     [[1.0, 4.0], [4.0, 3.0]]
     """
-    for begin in range(0, len(A), thresholds.MIRRORED_AT_ONCE):
-        end = min(begin + thresholds.MIRRORED_AT_ONCE, len(A))
+    for begin in range(0, len(A), MIRRORED_AT_ONCE):
+        end = min(begin + MIRRORED_AT_ONCE, len(A))
         block = A[begin:end, begin:end]
         np.copyto(block, block.T, where=~np.tri(len(block), dtype=bool))
         A[begin:end, end:] = A[end:, begin:end].T

@@ -19,7 +19,7 @@ import numpy as np
 
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
-from skfem_contact.digits import COMPUTED, ROUND_OFF, SOLVED
+from skfem_contact.digits import COMPUTED, NEWTON_STEPS, ROUND_OFF, SOLVED
 from skfem_contact.loops.step import Guess, Step
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.records import dataclass
@@ -27,9 +27,6 @@ from skfem_contact.records import dataclass
 # Springs that hold a free rigid motion, over the largest stiffness: weak enough to disturb nothing, or,
 # where pivots drown in the round-off of that, less weak. The loop takes them away again.
 WEAK_SPRINGS = (1e-9, 1e-6)
-
-# Relinearisations of a law that is not linear in the normal force (a cap, a user's own).
-SWEEPS = 5
 
 
 def lemke(M: Array, q: Array) -> Array | None:
@@ -144,7 +141,7 @@ def _sweeps(step: Step, problem: _Problem, current: Guess) -> Guess | None:
     """Starting values, the law linearised about the last of them; None where it ends on a ray."""
     force = np.maximum(current.normal_force, 0.0)
     guess: Guess | None = None
-    for _ in range(SWEEPS):
+    for _ in range(NEWTON_STEPS):
         slope = step.friction.slope(force, current.slip)[problem.friction]
         slope = np.where(problem.pressed, slope, 0.0)
         cohesion = (

@@ -1,7 +1,7 @@
 """Materials: stress, its derivative and internal variables at points of integration.
 
-* `material`: what a material is, and one's own from a function, also of felupe's signature;
-* `tensors`: second-order tensors at many points; laws of small strains at large ones;
+* `material`: what a material is, one's own from a function, also of felupe's signature; second-order
+  tensors at many points; laws of small strains at large ones;
 * `elastic`: linear elasticity, St. Venant-Kirchhoff, and rubber: neo-Hooke, Mooney-Rivlin;
 * `plasticity`: J2, metals that yield.
 

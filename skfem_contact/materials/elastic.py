@@ -21,8 +21,10 @@ from skfem.helpers import ddot, trace
 from skfem_contact.arguments import PrintedAsCall, with_known_keywords
 from skfem_contact.arrays import Array
 from skfem_contact.errors import InputError
-from skfem_contact.materials.material import Material, Split, State, take_numbers
-from skfem_contact.materials.tensors import (
+from skfem_contact.materials.material import (
+    Material,
+    Split,
+    State,
     deformation,
     deviator,
     dilatation,
@@ -31,6 +33,7 @@ from skfem_contact.materials.tensors import (
     isotropic,
     small,
     squared,
+    take_numbers,
     unit,
 )
 from skfem_contact.records import dataclass

@@ -25,8 +25,16 @@ from skfem_contact.arrays import Array
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError, MaterialError
 from skfem_contact.materials.elastic import Isotropic
-from skfem_contact.materials.material import Split, State, take_numbers
-from skfem_contact.materials.tensors import deviator, isotropic, logarithmic, small, undeformed_axes
+from skfem_contact.materials.material import (
+    Split,
+    State,
+    deviator,
+    isotropic,
+    logarithmic,
+    small,
+    take_numbers,
+    undeformed_axes,
+)
 from skfem_contact.records import dataclass
 
 #: Steps at most in the search for a plastic strain: halving alone has all digits after 53.

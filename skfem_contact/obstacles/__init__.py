@@ -3,8 +3,8 @@
 * `obstacle`: what every obstacle does, and what is made of straight facets; how motions are written,
   turns in space included;
 * `shapes`: planes, cylinders, spheres; a function of position;
-* `faceted`: an outline of edges; a surface of triangles, from a file; `bends`: their flats, along the
-  bends beside them;
+* `faceted`: an outline of edges; a surface of triangles, from a file; their flats, along the bends
+  beside them;
 * `rigid_body`: an obstacle with the DOFs of its motion, one of the bodies.
 """
 

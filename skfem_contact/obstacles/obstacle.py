@@ -24,7 +24,7 @@ from skfem_contact.errors import InputError
 from skfem_contact.pairing.closest import signed_distances
 from skfem_contact.pairing.node import Pairing, gap_vectors, node_to_segment
 from skfem_contact.pairing.search import FACING
-from skfem_contact.sealed import sealed
+from skfem_contact.records import sealed
 
 #: Weights of the corners, for the corners of new facets, and these; None where none is cut.
 Cut = tuple[csr_matrix, Index] | None
@@ -181,7 +181,7 @@ class Faceted(Obstacle):
     def outline(self) -> ContactSurface:
         """Its facets with their normals, as surfaces of bodies have them.
 
-        Flats are cut along the bends beside them, see `bends`.
+        Flats are cut along the bends beside them, see `faceted`.
         """
         if self._cut is None:
             return self._plain

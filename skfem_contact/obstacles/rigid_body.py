@@ -25,8 +25,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import MotionLike, Obstacle
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import seal, sealed, sealed_matrix
+from skfem_contact.records import dataclass, seal, sealed, sealed_matrix
 
 
 @with_known_keywords(f="write force and moment", motion="write D and x", load="write force and moment")

@@ -25,8 +25,7 @@ from skfem_contact.obstacles.obstacle import (
     location,
     rigid_motion,
 )
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import carried
+from skfem_contact.records import carried, dataclass
 
 Paired = NDArray[np.bool_]
 

@@ -1,6 +1,6 @@
 """Pictures, files and stresses.
 
-* `stress`: stresses at the nodes; `fields`: fields over the nodes, and units;
+* `stress`: stresses and other fields at the nodes, and units;
 * `tools`: rigid obstacles as lines and triangles;
 * `vtk`: files for ParaView;
 * `drawing`: what stands where in a picture, and what all pictures have;

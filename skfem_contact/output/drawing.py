@@ -29,7 +29,7 @@ from skfem_contact.conditions.state import OPEN, Motion
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
-from skfem_contact.output.fields import body_nodes, quantity
+from skfem_contact.output.stress import body_nodes, quantity
 from skfem_contact.output.tools import Tool, fits, tools
 from skfem_contact.records import dataclass
 

@@ -37,18 +37,6 @@ from skfem_contact.output.drawing import (
     view,
     with_tools,
 )
-from skfem_contact.output.fields import (
-    USAGE,
-    OneStress,
-    asked,
-    body_cells,
-    body_nodes,
-    checked_units,
-    displaced,
-    labelled,
-    quantity,
-)
-from skfem_contact.output.fields import component as component_of
 from skfem_contact.output.solids import (
     UP,
     VIEWER,
@@ -60,7 +48,19 @@ from skfem_contact.output.solids import (
     plotter_of,
     tool_parts,
 )
-from skfem_contact.output.stress import field_values
+from skfem_contact.output.stress import (
+    USAGE,
+    OneStress,
+    asked,
+    body_cells,
+    body_nodes,
+    checked_units,
+    displaced,
+    field_values,
+    labelled,
+    quantity,
+)
+from skfem_contact.output.stress import component as component_of
 from skfem_contact.output.tools import BESIDE, tools
 
 

@@ -36,7 +36,6 @@ from skfem_contact.output.drawing import (
     open_words,
     which,
 )
-from skfem_contact.output.fields import checked_units, labelled, quantity
 from skfem_contact.output.solids import (
     STUCK,
     UP,
@@ -47,6 +46,7 @@ from skfem_contact.output.solids import (
     frame_of,
     picture,
 )
+from skfem_contact.output.stress import checked_units, labelled, quantity
 from skfem_contact.output.tools import BESIDE
 
 

@@ -30,7 +30,7 @@ from skfem_contact.output.drawing import (
     short_numbers,
     which,
 )
-from skfem_contact.output.fields import checked_units, labelled
+from skfem_contact.output.stress import checked_units, labelled
 from skfem_contact.output.tools import Tool, tools
 
 Over = Sequence[float] | Callable[[ContactResult], float]

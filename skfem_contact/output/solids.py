@@ -37,7 +37,7 @@ from skfem_contact.output.drawing import (
     new_axes,
     placed_tools,
 )
-from skfem_contact.output.fields import body_cells, body_nodes, quantity, three
+from skfem_contact.output.stress import body_cells, body_nodes, quantity, three
 from skfem_contact.output.tools import BESIDE
 from skfem_contact.records import dataclass
 

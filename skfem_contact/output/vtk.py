@@ -30,7 +30,7 @@ from skfem_contact.bodies.facet_kinds import KINDS
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
 from skfem_contact.output.drawing import View
-from skfem_contact.output.fields import (
+from skfem_contact.output.stress import (
     SIX,
     Stress,
     as_columns,
@@ -39,9 +39,9 @@ from skfem_contact.output.fields import (
     body_nodes,
     checked_units,
     displaced,
+    field_values,
     three,
 )
-from skfem_contact.output.stress import field_values
 from skfem_contact.output.tools import tools
 from skfem_contact.records import dataclass
 

@@ -9,7 +9,6 @@
   (`cells`: plane parts of facets; `clipping`: polygons, and intervals of curves);
   `dual`: multipliers, and what supports change of them;
 * `smooth`: smooth boundaries of facets, and what they change of rows;
-* `frames`: the frames of small sliding, weighted by the compliances of both sides, and along supports;
 * `diagnosis`: what looks wrong with a pairing, in sentences.
 """
 
@@ -24,7 +23,6 @@ __getattr__, __dir__ = entrances(
         "corners": "corner_contacts Corners unselected_sides",
         "diagnosis": "diagnose",
         "dual": "DualBasis dual_basis node_rows",
-        "frames": "along_supports plane_moduli",
         "mortar": "dual_mortar least_gaps",
         "node": "gap_vectors node_to_segment Pairing",
         "projection": "interpolated_normals project rim_points",

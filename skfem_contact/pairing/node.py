@@ -132,8 +132,8 @@ class Pairing:
 
         Sides that are in contact have one normal, so under load both have turned, together by this
         angle. With small sliding the frame is fixed and can only be the expected normal of the
-        loaded interface (`frames`): friction is trusted as far as the tilt is small against the
-        coefficient of friction. Zero for rigid obstacles, whose normal is exact.
+        loaded interface (`conditions.discretisation`): friction is trusted as far as the tilt is small
+        against the coefficient of friction. Zero for rigid obstacles, whose normal is exact.
         """
         if self.secondary_normal is None or self.primary_normal is None:
             return np.zeros(len(self.gap))

@@ -32,16 +32,19 @@ from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.member import Member
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, LinearSolveError, SingularMatrix
-from skfem_contact.linalg.backend import Backend, BodyFactor, Factorisation, by_column
-from skfem_contact.linalg.dense_factors import mirror, symmetrise
-from skfem_contact.linalg.direct import Direct
-from skfem_contact.linalg.singular import (
+from skfem_contact.linalg.backend import (
+    NEGLIGIBLE,
+    Backend,
+    BodyFactor,
+    Factorisation,
+    by_column,
     check_diagonal,
     check_eigenvalue,
     singular,
     smallest_eigenvalue,
 )
-from skfem_contact.linalg.thresholds import ACCEPTED, NEGLIGIBLE
+from skfem_contact.linalg.dense_factors import mirror, symmetrise
+from skfem_contact.linalg.direct import ACCEPTED, Direct
 from skfem_contact.petsc.assembly import assembled, collected, numbering
 from skfem_contact.petsc.body_share import COLUMNS_AT_ONCE, BodyShare
 from skfem_contact.petsc.ranks import Ranks, ranks

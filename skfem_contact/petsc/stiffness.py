@@ -24,8 +24,7 @@ from skfem_contact.bodies.member import RemoteStiffness
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.petsc.ranks import Ranks
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import sealed
+from skfem_contact.records import dataclass, sealed
 
 Triples = tuple[Index, Index, Array]
 

@@ -53,7 +53,7 @@ from skfem_contact.digits import SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import lu
 from skfem_contact.linalg.krylov import Iterated, divided, gmres
-from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky, SurfaceResponse
+from skfem_contact.linalg.multifrontal import MultifrontalCholesky, SurfaceResponse
 from skfem_contact.problem.full import DependentRows
 from skfem_contact.problem.points import Conditions, Load, Resistance, Response, friction_force
 from skfem_contact.problem.seam import OnContactDofs, PosedOn, independent, point_resistance

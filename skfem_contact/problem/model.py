@@ -18,14 +18,18 @@ from skfem_contact.conditions.interface import Interface, point_labels, secondar
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid_motions
 from skfem_contact.conditions.state import LoadCase
-from skfem_contact.linalg.resources import Limits, single_threaded
-from skfem_contact.problem.choice import Choice, check_distributed, checked_linear
-from skfem_contact.problem.condensed import Condensed, firmness
+from skfem_contact.linalg.dense_factors import Limits, single_threaded
+from skfem_contact.problem.condensed import (
+    Choice,
+    Condensed,
+    check_distributed,
+    checked_linear,
+    firmness,
+)
 from skfem_contact.problem.seam import ContactProblem, PosedOn
 from skfem_contact.problem.substructure import Substructure
 from skfem_contact.problem.zone import PointProblem
-from skfem_contact.records import Lock, once
-from skfem_contact.sealed import carried, seal
+from skfem_contact.records import Lock, carried, once, seal
 
 if TYPE_CHECKING:
     from skfem_contact.problem.full import FullSystem

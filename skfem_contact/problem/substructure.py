@@ -24,8 +24,8 @@ from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.linalg.backend import Backend, BodyFactor
 from skfem_contact.linalg.dense_factors import cholesky, lu
 from skfem_contact.linalg.direct import Direct, IndefiniteFactor
-from skfem_contact.linalg.multifrontal.fronts import FactorSize, factor_size
-from skfem_contact.linalg.multifrontal.ordering import nodes_of
+from skfem_contact.linalg.fronts import FactorSize, factor_size
+from skfem_contact.linalg.ordering import nodes_of
 from skfem_contact.records import Lock, once
 
 logger = logging.getLogger("skfem_contact")

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix, diags, issparse
 
-from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.placed import fluid_beyond
+from skfem_contact.answers.answer import Answer, fluid_beyond
 from skfem_contact.answers.tangent.rates import Maps, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import known_keywords, numbers, shown
@@ -27,7 +26,7 @@ from skfem_contact.conditions.friction import Coulomb, Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.state import transport
 from skfem_contact.errors import InputError
-from skfem_contact.sealed import copied
+from skfem_contact.records import copied
 
 #: What changes loads of bodies, so that derivatives by these are needed inside; then what does not.
 LOADS = "stiffness", "load", "displacement", "scene"

@@ -25,7 +25,7 @@ from skfem_contact.arrays import Array, Index
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.resources import single_threaded
+from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.problem.seam import Workspace
 from skfem_contact.records import dataclass
 

@@ -58,10 +58,9 @@ from skfem_contact.bodies.system import System
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError, SingularMatrix, warn
+from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.linalg.direct import Direct
-from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.records import dataclass
-from skfem_contact.sealed import copied
+from skfem_contact.records import copied, dataclass
 
 # A loop is closed if its ends are nearer than this part of its width: so much of its area has no
 # meaning, two digits of a damping that meshes and friction coefficients tell to one.

@@ -43,8 +43,8 @@ from skfem_contact.conditions.state import OPEN, SLIP, STICK, LoadCase
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.elimination.constraint import AffineConstraint, eliminate
 from skfem_contact.errors import InputError, NotConverged
+from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.linalg.krylov import gmres
-from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.active_set import largest_force
 from skfem_contact.problem.points import Conditions, Response
 from skfem_contact.problem.seam import Source, Workspace

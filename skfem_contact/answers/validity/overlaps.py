@@ -464,7 +464,7 @@ def pierced_words(surface: ContactSurface, depth: float, place: Array, label: st
 def leaning_faces(secondary: ContactSurface, outline: ContactSurface) -> Mask:
     """Large triangles that are no pieces of a curve, and whose normals lean nevertheless, shape (nf,).
 
-    Normals turn from a flat into a chamfer over a strip along the bend (`obstacles.bends`). Forces on
+    Normals turn from a flat into a chamfer over a strip along the bend (`obstacles.faceted`). Forces on
     what stands there, and not on the flat, lean by up to half of the angle of the bend.
     A flat that turns alike at both ends, by less than 16 sides to a circle do, may be a piece of one.
     """

@@ -36,8 +36,7 @@ import skfem
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.validity.validity import LOCKED
 from skfem_contact.arrays import Array
-from skfem_contact.bodies.body import Body
-from skfem_contact.bodies.quadrature import (
+from skfem_contact.bodies.assembly import (
     chunks,
     element_values,
     hoop_strain,
@@ -46,6 +45,7 @@ from skfem_contact.bodies.quadrature import (
     shape_gradients,
     with_points,
 )
+from skfem_contact.bodies.body import Body
 
 #: Bulk over shear modulus from which on a body is looked at: a Poisson's ratio of .46, where four
 #: elements of first order under a contact give forces that are 6 % larger, over true ones, than at .3.

@@ -20,8 +20,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.placed import point_forces
+from skfem_contact.answers.answer import Answer, point_forces
 from skfem_contact.answers.validity.deformed_boundaries import BoundaryNodes
 from skfem_contact.answers.validity.validity import A_TENTH, Drift
 from skfem_contact.arrays import Array, Index, Mask, cross, largest

@@ -37,18 +37,23 @@ from scipy.linalg.lapack import dpotrf
 
 from skfem_contact.arrays import Array, Index
 from skfem_contact.errors import InputError
-from skfem_contact.linalg.backend import BodyFactor
-from skfem_contact.linalg.dense_factors import blocks, mirror
-from skfem_contact.linalg.multifrontal.fronts import (
+from skfem_contact.linalg.backend import (
+    LOST,
+    NEGLIGIBLE,
+    SUSPICIOUS,
+    BodyFactor,
+    singular,
+    smallest_eigenvalue,
+)
+from skfem_contact.linalg.dense_factors import blocks, mirror, single_threaded
+from skfem_contact.linalg.fronts import (
     Fronts,
     Pattern,
     checked_matrix,
     find_runs,
     panels,
 )
-from skfem_contact.linalg.resources import single_threaded
-from skfem_contact.linalg.singular import singular, smallest_eigenvalue
-from skfem_contact.linalg.thresholds import LEAF, LOST, NEGLIGIBLE, SUSPICIOUS
+from skfem_contact.linalg.ordering import LEAF
 
 
 class MultifrontalCholesky(BodyFactor):
@@ -363,7 +368,7 @@ class SurfaceResponse:
     Three unit springs in a row, one end held; a unit force at the other:
 
     >>> import scipy.sparse as sp
-    >>> from skfem_contact.linalg.multifrontal.factor import MultifrontalCholesky
+    >>> from skfem_contact.linalg.multifrontal import MultifrontalCholesky
     >>> K = sp.csr_array([[2.0, -1, 0], [-1, 2, -1], [0, -1, 1]])
     >>> factor = MultifrontalCholesky(K, np.arange(3.0)[:, None])
     >>> SurfaceResponse(factor, np.array([2]))(np.array([1.0])).round(12)

@@ -26,8 +26,7 @@ from scipy.sparse.csgraph import depth_first_order
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.dense_factors import blocks
-from skfem_contact.linalg.multifrontal.ordering import borders, dissect
-from skfem_contact.linalg.thresholds import LEAF
+from skfem_contact.linalg.ordering import LEAF, borders, dissect
 from skfem_contact.records import dataclass
 
 

@@ -18,6 +18,9 @@ import numpy as np
 from skfem_contact.linalg.dense_factors import blocks
 from skfem_contact.records import dataclass
 
+# DOFs: below, the calls cost more than the arithmetic; above, the fill-in.
+LEAF = 120
+
 
 @dataclass(frozen=True, eq=False)
 class Dissection:
