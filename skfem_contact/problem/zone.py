@@ -348,10 +348,12 @@ class Zone:
         if self.left:
             full = np.zeros(len(self.rows) + len(self.rest) + 1)  # the last for rows of -1
             full[self.rows] = z
-            full[self.rest] = load.moved[self.rest] + self._across.dot(np.append(p, q))
-            z, (normal, tangential) = full[:-1], self._left_rows
-            response.gap[self._left] += full[normal]
-            response.slip[self._left] += full[tangential]
+            if not conditions.transposed:
+                full[self.rest] = load.moved[self.rest] + self._across.dot(np.append(p, q))
+                normal, tangential = self._left_rows
+                response.gap[self._left] += full[normal]
+                response.slip[self._left] += full[tangential]
+            z = full[:-1]
         response.solution = np.append(z, q) if len(q) else z
         return response
 

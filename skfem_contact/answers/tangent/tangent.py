@@ -46,7 +46,7 @@ from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.active_set import largest_force
-from skfem_contact.problem.points import Conditions, Response
+from skfem_contact.problem.points import Conditions
 from skfem_contact.problem.seam import Source, Workspace
 
 #: Derivatives by name, of loads or points: (n,) or (m, width). What is not there is zero.
@@ -319,18 +319,16 @@ class Tangent:
         what it depends on by forces are gaps and slips. Forces that follow are derivatives by gaps and
         slips, and slips are those by the friction of the law.
         """
-        problem, shape, given = self.problem, self.local.slip.shape, values
+        problem, still, given = self.problem, self.conditions.anchor, values
+        shut = np.zeros((len(still), 1))
         if back:
-            gap, pushed = (
-                values.get(name, np.zeros((shape[0], 1))) for name in ("gap", "normal_force")
-            )
-            slip, rubbed = (values.get(name, np.zeros(shape)) for name in ("slip", "friction"))
-            given = {"gap0": pushed, "slip0": -rubbed}
+            gap, slip = values.get("gap", shut), values.get("slip", still)
+            given = {"gap0": values.get("normal_force", shut), "slip0": -values.get("friction", still)}
             given |= {"f": values["u"]} if "u" in values else {}
-        anchor, offset = (given.get(name, self.conditions.anchor) for name in ("anchor", "offset"))
+        anchor, offset = (given.get(name, still) for name in ("anchor", "offset"))
         held = replace(self.conditions, anchor=anchor, offset=offset, transposed=back)
         zone, key = self.zones.fitting(held, self.local.gap)
-        load = problem.other_load(self._case(given))
+        load = problem.other_load(case := self._case(given))
         if back:
             zone.push(load, problem.on_rows(gap[:, 0], slip))
         found = zone.solve(held, load, key)
@@ -347,7 +345,7 @@ class Tangent:
         def recover() -> Array:
             force = problem.source(load, found).values[:, None]
             with single_threaded:
-                return problem.bodies.recover(Source(force, True), [None], [self._case(given)])[0]
+                return problem.bodies.recover(Source(force, True), [None], [case])[0]
 
         return recover
 
@@ -356,7 +354,7 @@ class Tangent:
         n, (m, t) = self.answer.system.n, self.local.slip.shape
         f, x = (given[name] if name in given else np.zeros(n) for name in "fx")
         gap0, slip0 = given.get("gap0", np.zeros((m, 1))), given.get("slip0", np.zeros((m, t)))
-        return LoadCase(f, x, gap0[:, 0], slip0, np.zeros(m), ())
+        return LoadCase(f, x, gap0[:, 0], slip0, gap0, ())
 
     # -- matrices, on request -------------------------------------------------------------------
 
