@@ -9,6 +9,7 @@ forces, without solving either.
 
 from __future__ import annotations
 
+from dataclasses import KW_ONLY
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.placed import fluid_beyond
 from skfem_contact.answers.tangent.rates import Maps, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values
-from skfem_contact.arguments import known_keywords, numbers, shown
+from skfem_contact.arguments import numbers, shown, with_known_keywords
 from skfem_contact.arrays import Array
 from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.bodies.member import Member
@@ -27,6 +28,7 @@ from skfem_contact.conditions.friction import Coulomb, Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.state import transport
 from skfem_contact.errors import InputError
+from skfem_contact.records import dataclass
 from skfem_contact.sealed import copied
 
 #: What changes loads of bodies, so that derivatives by these are needed inside; then what does not.
@@ -40,6 +42,8 @@ FIELD = "field"
 KINDS = "friction", *LOADS, *GAPS, "motion", *BOLTS
 
 
+@with_known_keywords()
+@dataclass(eq=False, repr=False)
 class Parameter:
     r"""A parameter by which answers are differentiated: one number, or a field of them.
 
@@ -87,30 +91,27 @@ class Parameter:
     Parameter('interference', of='joint', field=True, each_step=True)
     """
 
-    @known_keywords()
-    def __init__(
-        self,
-        kind: str,
-        of: Member | Contact | str | None = None,
-        *,
-        along: Any = None,
-        field: bool = False,
-        each_step: bool = False,
-        between: tuple[Any, Any, float] | None = None,
-    ) -> None:
+    kind: str
+    of: Member | Contact | str | None = None
+    _: KW_ONLY
+    along: Any = None
+    field: bool = False
+    each_step: bool = False
+    between: tuple[Any, Any, float] | None = None
+
+    def __post_init__(self) -> None:
+        kind, field = self.kind, self.field
         if kind not in KINDS:
             raise InputError(f"a parameter is {shown(kind)}; it may be one of {', '.join(KINDS)}.")
-        if (kind == "scene") != (between is not None):
+        if (kind == "scene") != (self.between is not None):
             raise InputError("between=(solver, solver, width) belongs to 'scene', and is needed there")
-        if field and (along is not None or kind in ("stiffness", "scene", *BOLTS)):
+        if field and (self.along is not None or kind in ("stiffness", "scene", *BOLTS)):
             raise InputError(
                 f"Parameter({kind!r}, field=True): a field has a value for every point or DOF, so it "
                 "has no `along`; a stiffness, scene or bolt has none: give them one by one."
             )
-        if kind == "motion" and along is None and not field:
+        if kind == "motion" and self.along is None and not field:
             raise InputError("Parameter('motion'): give the direction, along=(1.0, 0.0)")
-        self.kind, self.of, self.along = kind, of, along
-        self.field, self.each_step, self.between = field, each_step, between
 
     def __repr__(self) -> str:
         said = [repr(self.kind)]
@@ -219,7 +220,7 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
         return [("gap0", FIELD, own * kin.normal[:, None]), ("slip0", FIELD, own * kin.axes)]
     own = np.where(kin.paired, 1.0, 0.0)[:, None]
     rows = own if kin.gap_weights is None else diags(own[:, 0]) @ kin.gap_weights
-    return [("given", FIELD, np.array([1.0 if kind == "gap" else -1.0])), ("gap0", "given", rows)]
+    return [("given", FIELD, 1.0 if kind == "gap" else -1.0), ("gap0", "given", rows)]
 
 
 def _by_coefficient(tangent: Tangent, i: int, part: slice) -> Array:
@@ -306,7 +307,7 @@ def _borne(body: Member, K: csr_matrix, u: Array) -> Array:
 
 def _eased(tangent: Tangent) -> Maps:
     """Changes of loads, and of stretch and force of bolts, from those of what all bodies bear, (n,)."""
-    maps: Maps = [("f", "borne", -np.ones(1))]
+    maps: Maps = [("f", "borne", -1.0)]
     if (bolts := tangent.bolts) is not None:
         maps += [("tension", "borne", bolts.slides), _drive(tangent, bolts)]
     return maps

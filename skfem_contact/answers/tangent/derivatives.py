@@ -112,16 +112,14 @@ class Sensitivity:
         contact : str, optional
             Its name; not needed where there is one, nor for the energy that all of them lose.
         """
-        maps, at = _quantity(self._answer, quantity, contact)
+        maps, at, shape = _quantity(self._answer, quantity, contact)
         if quantity == "dissipation":
             check_lost(self._rates.tangent)
         values = dict(self._rates.values)
         take(maps, values)
         found = self._sign * values[ASKED][at]
         found = found.sum(axis=0) if quantity in SUMS else found
-        if quantity in ("slip", "tangential_force", "force"):
-            return found
-        return found[..., 0] if found.ndim > 1 else float(found[0])
+        return found.reshape(shape) if shape else float(found[0])
 
     gap: Array = _its("gap", "The derivatives of the gaps of the only contact, (m,).")
     normal_force: Array = _its("normal_force", "The derivatives of the normal forces, (m,).")
@@ -328,8 +326,8 @@ def _rows(given: Any, count: int) -> list[tuple[int, Any]]:
 # -- quantities -----------------------------------------------------------------------------------
 
 
-def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At]:
-    """A quantity of a contact as maps of values at points, and which points have it.
+def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At, tuple[int, ...]]:
+    """A quantity of a contact as maps of values at points, which points have it, and its shape.
 
     Of a resultant each point has its share.
     """
@@ -344,37 +342,44 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At]:
     i, kin, local = answer.names.index(contact or answer.names[0]), answer.kin, answer.local
     part = answer.model.interface.point_slices[i]
     heir: At = kin.heir[part] if kin.inherits else part
+    m, t, d = part.stop - part.start, kin.tangents, kin.normal.shape[1]
     if what == "dissipation":
-        return [(ASKED, "lost", np.ones((1, 1)))], slice(None) if contact is None else part
+        return [(ASKED, "lost", 1.0)], slice(None) if contact is None else part, ()
+    if what == "normal_force":
+        return [(ASKED, what, 1.0)], part, (m,)
+    if what == "gap":
+        return [(ASKED, what, 1.0)], heir, (m,)
     normal_force = local.normal_force[:, None]
-    if what in ("gap", "normal_force"):
-        return [(ASKED, what, np.ones((1, 1)))], heir if what == "gap" else part
     if what == "pressure":
         per = kin.per_area[:, None]
-        return [(ASKED, "normal_force", per), (ASKED, "area", -(per**2) * normal_force)], heir
+        maps: Maps = [(ASKED, "normal_force", per), (ASKED, "area", -(per**2) * normal_force)]
+        return maps, heir, (m,)
     if what == "slip":
         if not answer.model.interface.slipping[part].any():
             raise InputError(
                 f"slip of contact {answer.names[i]!r}: without friction nothing tangential is solved "
                 "for, and its slip is no unknown. Take the displacements of the bodies."
             )
-        return [(ASKED, "slipped", _along_tangents(kin, kin.duals))], heir
+        return [(ASKED, "slipped", _along_tangents(kin, kin.duals))], heir, (m, t)
     if what == "tangential_force":
-        return [(ASKED, "friction", -_along_tangents(kin, kin.axes))], part
-    unit = np.eye(kin.normal.shape[1])
-    by_axes = -np.einsum("it,de->idte", local.tangential_force, unit)
-    return [  # force = sum of lambda n - tau . axes
-        (ASKED, "normal_force", kin.normal[:, :, None]),
-        (ASKED, "friction", -kin.axes.swapaxes(1, 2)),
-        (ASKED, "normal", normal_force),
-        (ASKED, "axes", by_axes.reshape(kin.m, len(unit), -1)),
-    ], part
+        return [(ASKED, "friction", -_along_tangents(kin, kin.axes))], part, (m, t)
+    by_axes = -np.einsum("it,de->idte", local.tangential_force, np.eye(d)).reshape(kin.m, d, -1)
+    return (
+        [  # force = sum of lambda n - tau . axes
+            (ASKED, "normal_force", kin.normal[:, :, None]),
+            (ASKED, "friction", -kin.axes.swapaxes(1, 2)),
+            (ASKED, "normal", normal_force),
+            (ASKED, "axes", by_axes),
+        ],
+        part,
+        (d,),
+    )
 
 
-def _along_tangents(kin: Kinematics, basis: Array) -> Array:
+def _along_tangents(kin: Kinematics, basis: Array) -> Any:
     """Components along unit tangents from those along a basis, (m, d-1, d-1), or one number."""
     if kin.scaled is None:
-        return np.ones((1, 1))
+        return 1.0
     return np.asarray(np.einsum("ikd,ild->ilk", basis, kin.tangent))
 
 
@@ -391,27 +396,20 @@ def weights_of(answer: Answer, given: Any) -> Values:
     for key, value in given.items():
         named = key in answer.names and isinstance(value, Mapping)
         for what, own in value.items() if named else [(key, value)]:
-            _add(found, answer, what, key if named else None, own)
+            if not named and what in ELSEWHERE:
+                ELSEWHERE[what](found, answer, own)
+                continue
+            maps, at, shape = _quantity(answer, what, key if named else None)
+            own = _shaped(own, shape, what)
+            own = own if what in SUMS else own.reshape(shape[0], -1)
+            found[ASKED] = np.zeros((answer.kin.m, own.shape[-1] if own.shape else 1))
+            if isinstance(at, slice):
+                found[ASKED][at] = own
+            else:
+                np.add.at(found[ASKED], at, own)
+            take(maps, found, back=True)
+            del found[ASKED]
     return found
-
-
-def _add(found: Values, answer: Answer, what: str, contact: str | None, value: Any) -> None:
-    """Add the derivatives by one quantity."""
-    if contact is None and what in ELSEWHERE:
-        ELSEWHERE[what](found, answer, value)
-        return
-    maps, at = _quantity(answer, what, contact)
-    m, d, t = len(answer.kin.heir[at]), answer.kin.normal.shape[1], answer.kin.tangents
-    shapes = {"slip": (m, t), "tangential_force": (m, t), "force": (d,), "dissipation": ()}
-    own = _shaped(value, shapes.get(what, (m,)), what)
-    own = (np.broadcast_to(own, (m, *own.shape)) if what in SUMS else own).reshape(m, -1)
-    found[ASKED] = np.zeros((answer.kin.m, own.shape[1]))
-    if isinstance(at, slice):
-        found[ASKED][at] = own
-    else:
-        np.add.at(found[ASKED], at, own)
-    take(maps, found, back=True)
-    del found[ASKED]
 
 
 def _by_bolts(found: Values, answer: Answer, given: Any) -> None:

@@ -31,7 +31,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import block_diag, csr_matrix
+from scipy.sparse import block_diag, issparse
 
 from skfem_contact.answers.tangent.tangent import Slopes, Tangent, Values, add, mapped_slopes
 from skfem_contact.arrays import Array, lengths, size_of, unit_vectors
@@ -46,33 +46,35 @@ MOST_CHANGES = 50
 TINY = np.finfo(float).tiny
 HANDED_ON = "slip", "friction", "reference", "bound", "stretch"
 #: What is added to a name, and the name of what that is a multiple of: by a block at each point, by a
-#: number at each, or by a sparse matrix.
+#: number at each or at all, or by a sparse matrix.
 Maps = list[tuple[str, str, Any]]
 
 
 def _before(tangent: Tangent) -> Maps:
     """What conditions of a linear solve follow from: friction of the law, and what came before."""
     slopes = tangent.slopes
-    maps: Maps = [("anchor", "last slip", np.ones((1, 1))), ("offset", "mapped", slopes.by_map)]
+    maps: Maps = [("anchor", "last slip", 1.0), ("offset", "mapped", slopes.by_map)]
     if slopes.by_trial.any():
         maps.append(("offset", "last friction", slopes.by_trial))
     if not tangent.rule.steady:
         by_slip = slopes.by_slip
         maps += [("offset", "last slip", by_slip), ("offset", "last reference", -by_slip)]
     if tangent.bolts:
-        maps.append(("drive", "last stretch", 1.0 * tangent.locked))
-        maps.append(("f", "drive", csr_matrix(-tangent.bolts.pulls.T)))
+        maps += [
+            ("drive", "last stretch", 1.0 * tangent.locked),
+            ("f", "drive", -tangent.bolts.pulls.T),
+        ]
     return maps
 
 
 def _after(tangent: Tangent, lost: bool) -> Maps:
     """What follows from gaps, slips and forces; the energy lost has the mean of two bounds."""
-    one, shut = np.ones((1, 1)), 1.0 * tangent.closed[:, None]
+    shut = 1.0 * tangent.closed[:, None]
     maps: Maps = [
         ("reference", "slip", 1.0 - shut),
         ("reference", "last reference", shut),
-        ("slipped", "slip", one),
-        ("slipped", "reference", -one),
+        ("slipped", "slip", 1.0),
+        ("slipped", "reference", -1.0),
         ("bound", "normal_force", tangent.bound_slope[:, None]),
     ]
     if lost:
@@ -84,11 +86,9 @@ def _after(tangent: Tangent, lost: bool) -> Maps:
         maps += [("lost", "slip", along), ("lost", "last slip", -along)]
         maps += [("lost", "friction", -given_back), ("lost", "last friction", given_back)]
     if tangent.bolts:  # those with a force that is given slide
-        k, each = tangent.bolts.k, np.ones(1)
-        slides = np.where(tangent.tightened, -1 / k, 0.0)
-        maps.append(("pull", "u", tangent.bolts.pulls))
-        maps += [("stretch", "drive", each), ("stretch", "pull", slides)]
-        maps += [("tension", "stretch", k), ("tension", "pull", each)]
+        k, slides = tangent.bolts.k, np.where(tangent.tightened, -1 / tangent.bolts.k, 0.0)
+        maps += [("pull", "u", tangent.bolts.pulls), ("stretch", "drive", 1.0)]
+        maps += [("stretch", "pull", slides), ("tension", "stretch", k), ("tension", "pull", 1.0)]
     return maps
 
 
@@ -98,9 +98,9 @@ def take(maps: Maps, values: Values, back: bool = False) -> None:
         to, by = (of, out) if back else (out, of)
         if by not in values:
             continue
-        if not isinstance(block, np.ndarray):
+        if issparse(block):
             add(values, to, (block.T if back else block) @ values[by])
-        elif block.ndim == 3:
+        elif isinstance(block, np.ndarray) and block.ndim == 3:
             add(values, to, np.einsum("ikl,ik->il" if back else "ikl,il->ik", block, values[by]))
         else:
             add(values, to, block * values[by])

@@ -112,7 +112,8 @@ class Tangent:
         pressure, and makes the equations unsymmetric.
     spring : ndarray, shape (m, d-1, d-1)
         Its derivative by the slip: in space ``L / |ds| (1 - d d')``, as the direction of friction turns
-        with the slip ``ds`` of the step [force/length].
+        with the slip ``ds`` of the step; of a point that sticks with a finite stiffness that stiffness
+        [force/length].
 
     Examples
     --------
@@ -195,10 +196,7 @@ class Tangent:
         return found._replace(spring=spring)
 
     slope = property(lambda self: self.slopes.by_normal, doc="See the class.")
-    spring = property(
-        lambda self: self.slopes.spring,
-        doc="See the class; of a point that sticks with a finite stiffness that stiffness.",
-    )
+    spring = property(lambda self: self.slopes.spring, doc="See the class.")
 
     @cached_property
     def conditions(self) -> Conditions:
@@ -376,15 +374,18 @@ class Tangent:
     def _free(self) -> tuple[AffineConstraint, AffineConstraint]:
         return left_free(self.answer, self.closed, self.stick, self.slope)
 
-    T = property(
-        lambda self: self._free[0].T,
-        doc="Rates of u that `rows` and supports leave free, ``u = T u_r``, (n, r).",
-    )
-    W = property(
-        lambda self: self._free[1].T,
-        doc="Virtual displacements on which contact forces do no work, friction included, (n, r); of "
-        "as many columns as `T`, and T itself where no friction follows the pressure.",
-    )
+    @property
+    def T(self) -> csr_matrix:
+        """Rates of u that `rows` and supports leave free, ``u = T u_r``, (n, r)."""
+        return self._free[0].T
+
+    @property
+    def W(self) -> csr_matrix:
+        """Virtual displacements on which contact forces do no work, friction included, (n, r).
+
+        Of as many columns as `T`, and T itself where no friction follows the pressure.
+        """
+        return self._free[1].T
 
     @property
     def K_r(self) -> csr_matrix:
@@ -439,16 +440,18 @@ def refuse(answer: Answer) -> None:
     model, interface = answer.model, answer.model.interface
     remembers = [getattr(body, "initial_state", None) for body in model.system.bodies]
     bare = [
-        own for _, own in interface.laws if own.by_bound and type(own.law).slope is FrictionLaw.slope
+        f"{type(own.law).__name__} of contact '{own.contact}'"
+        for _, own in interface.laws
+        if own.by_bound and type(own.law).slope is FrictionLaw.slope
     ]
     reasons = {
-        "it did not converge ({message})": not answer.converged,
+        "it did not converge ({answer.message})": not answer.converged,
         'contact slides far (sliding="finite"): how its pairing changes is not differentiated. Where '
         'slips are short, sliding="small" has derivatives': model.geometry.follows,
         "surfaces wear: the depth worn off is not differentiated. Leave wear out of the contact": (
             bool(interface.wear) or answer.state.wear.any()
         ),
-        "its load step was cut into {parts} parts, whose states are not kept. Give the history "
+        "its load step was cut into {answer.parts} parts, whose states are not kept. Give the history "
         "smaller steps": answer.parts > 1,
         "conditions of its points depend on each other, so that forces are not unique. Let contacts "
         "share no edge, and make a held tool no finer than what it presses": answer.springs,
@@ -456,13 +459,10 @@ def refuse(answer: Answer) -> None:
         "a material has internal variables, which are not differentiated": any(remembers),
         "the law {bare} has no slopes of its own, and difference quotients leave six digits. Give it "
         "slope(...), the derivative of its limit by the normal force, or a return_map(...)": bool(bare),
-        "the contact problem has no matrix on this route ({route}). Make the solver with "
+        "the contact problem has no matrix on this route ({model.route}). Make the solver with "
         'linear="condensed"': model.for_tangents is None,
     }
     for words, wrong in reasons.items():
         if wrong:  # words are put together where they are needed: a history asks at every step
-            laws = ", ".join(f"{type(own.law).__name__} of contact '{own.contact}'" for own in bare)
-            known = {"message": answer.message, "parts": answer.parts, "bare": laws}
-            raise InputError(
-                f"this result has no derivatives: {words.format(**known, route=model.route)}."
-            )
+            known = {"answer": answer, "model": model, "bare": ", ".join(bare)}
+            raise InputError(f"this result has no derivatives: {words.format(**known)}.")
