@@ -229,14 +229,14 @@ def _by_coefficient(tangent: Tangent, i: int, part: slice) -> Array:
     law, area = answer.contacts[i].friction, answer.local.area[part]
     force = np.maximum(answer.local.normal_force[part], 0.0)
     if type(law) is Tresca:
-        return np.where(closed, area, 0.0)
+        return closed * area
     if type(law) is not Coulomb:
         raise InputError(
             f"contact {answer.names[i]!r} has the law {type(law).__name__}, which has no single "
             "coefficient. Use Parameter('scene', between=(...)), two solvers whose laws differ."
         )
     free = law.mu * force + law.cohesion * area < law.tau_max * np.maximum(area, 0.0)
-    return np.where((free | np.isinf(law.tau_max)) & closed, force, 0.0)
+    return (free | np.isinf(law.tau_max)) * closed * force
 
 
 def _between(by: Parameter, tangent: Tangent) -> Values:
@@ -342,9 +342,8 @@ def _places(by: Parameter, answer: Answer) -> Places:
     elif (number := number_of(by.of, contacts)) is not None:
         some = [number]
     else:
-        tools = tuple(c.primary.name if motion and c.rigid else None for c in contacts)
-        known: tuple[str | None, ...] = names if by.of in names else tools
-        some = [i for i, name in enumerate(known) if name == by.of]
+        known = [c.primary.name if motion and c.rigid else None for c in contacts]
+        some = [i for i, own in enumerate(names if by.of in names else known) if own == by.of]
         if not some:
             words = ", ".join(map(repr, names))
             raise InputError(f"{by!r}: there is no such contact; there are {words}.")

@@ -9,8 +9,7 @@ number of values.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -18,7 +17,7 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.tangent.changes import LOADS, Parameter, change, contracted, parameters
-from skfem_contact.answers.tangent.rates import Maps, Rates, Verge, backward, check_lost, take
+from skfem_contact.answers.tangent.rates import Maps, Rates, Verge, backward, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values, add
 from skfem_contact.arguments import numbers, shown
 from skfem_contact.arrays import Array, Index
@@ -113,8 +112,6 @@ class Sensitivity:
             Its name; not needed where there is one, nor for the energy that all of them lose.
         """
         maps, at, shape = _quantity(self._answer, quantity, contact)
-        if quantity == "dissipation":
-            check_lost(self._rates.tangent)
         values = dict(self._rates.values)
         take(maps, values)
         found = self._sign * values[ASKED][at]
@@ -141,7 +138,7 @@ def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int)
         raise InputError(f"side = {shown(side)}; it may be 1, -1, or 0 for the statuses that hold")
     if after is not None and (repr(after.by), after.side) != (repr(by), side):
         raise InputError(f"after is by {after.by!r}, side {after.side}; here by {by!r}, side {side}")
-    found, last = change(by, tangent), {} if after is None else after._rates.handed_on
+    found, last = change(by, tangent), {} if after is None else after._rates.values
     if side < 0:
         found = {name: -own for name, own in found.items()}
     at_kink = side and len(tangent.kinks)
@@ -154,7 +151,7 @@ def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int)
 #: Solves the load steps, for results; and finds the displacements of all of them at once.
 History = Callable[[], Iterable[Any]]
 Recover = Callable[[list[Any]], Any]
-#: What a user asks of the results: a value, and its derivatives by each.
+#: What a user asks of the results: a value, or several, and derivatives by each result.
 Asked = Callable[[list[Any]], Any]
 
 
@@ -244,13 +241,12 @@ class Jacobian:
         return " ".join(said)
 
 
-@contextmanager
 def _linearised(
-    history: History, asked: Asked, by: tuple[Parameter, ...], recover: Recover, what: str
-) -> Iterator[tuple[list[Any], list[Tangent], Any, list[Any]]]:
+    history: History, asked: Asked, by: tuple[Parameter, ...], recover: Recover, work: Workspace
+) -> tuple[list[Any], list[Tangent], Any, list[Any]]:
     """A history, its tangents, a user's value of it, and the derivatives of that by each result.
 
-    The tangents have borrowed the memory of the load steps, and give it back at the end.
+    The tangents borrow the memory of the load steps for as long as `work` is open.
     """
     results = list(history())
     if not results:
@@ -261,36 +257,36 @@ def _linearised(
         begin, state = after.before, answer.state
         if begin is not None and begin.status is state.status and after.kin is answer.kin:
             vars(answer)["local"] = begin
-    with Workspace() as work:
-        tangents = [Tangent(answer, work) for answer in answers]
-        if any(p.kind in ("stiffness", "scene") for p in by):
-            recover(results)
-        given = asked(results)
-        try:
-            value, derivatives = given
-            derivatives = list(derivatives)
-        except (TypeError, ValueError):
-            raise InputError(
-                f"{what} returned {shown(given)}; it has to return (value, derivatives), these a list "
-                "with a dict for each result, None where it does not depend on it"
-            ) from None
-        if len(derivatives) != len(results):
-            raise InputError(
-                f"{what} returned {len(derivatives)} derivatives for {len(results)} results: give one "
-                "dict for each result, in the order of the steps, None where nothing depends on it"
-            )
-        yield results, tangents, value, derivatives
+    tangents = [Tangent(answer, work) for answer in answers]
+    if any(p.kind in ("stiffness", "scene") for p in by):
+        recover(results)
+    given = asked(results)
+    try:
+        value, derivatives = given
+        derivatives = list(derivatives)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"the function returned {shown(given)}; it has to return (value, derivatives), these a list "
+            "with a dict for each result, None where it does not depend on it"
+        ) from None
+    if len(derivatives) != len(results):
+        raise InputError(
+            f"the function returned {len(derivatives)} derivatives for {len(results)} results: give one "
+            "dict for each result, in the order of the steps, None where nothing depends on it"
+        )
+    return results, tangents, value, derivatives
 
 
 def gradient(history: History, objective: Asked, by: Any, recover: Recover) -> Gradient:
     """See `ContactSolver.gradient`."""
     by = parameters(by, many=True)
     loads, parts, after = any(p.kind in LOADS for p in by), list[list[Any]](), Values()
-    linearised = _linearised(history, objective, by, recover, "the objective")
-    with linearised as (results, tangents, value, given), single_threaded:
-        for tangent, own in zip(reversed(tangents), reversed(given), strict=True):
-            duals, after = backward(tangent, weights_of(tangent.answer, own), after, loads)
-            parts.insert(0, [contracted(p, tangent, duals) for p in by])
+    with Workspace() as work:
+        results, tangents, value, given = _linearised(history, objective, by, recover, work)
+        with single_threaded:
+            for tangent, own in zip(reversed(tangents), reversed(given), strict=True):
+                duals, after = backward(tangent, weights_of(tangent.answer, own), after, loads)
+                parts.insert(0, [contracted(p, tangent, duals) for p in by])
     each = zip(by, zip(*parts, strict=True), strict=True)
     found = [np.array(own) if p.each_step else sum(own) for p, own in each]
     return Gradient(float(value), by, found, results)
@@ -299,8 +295,8 @@ def gradient(history: History, objective: Asked, by: Any, recover: Recover) -> G
 def jacobian(history: History, observe: Asked, by: Any, side: int, recover: Recover) -> Jacobian:
     """See `ContactSolver.jacobian`."""
     by = parameters(by, many=False)
-    linearised = _linearised(history, observe, by, recover, "observe")
-    with linearised as (results, tangents, values, given):
+    with Workspace() as work:
+        results, tangents, values, given = _linearised(history, observe, by, recover, work)
         values = numbers(values, "values of observe", "give a vector")
         matrix, rows = np.zeros((len(values), len(by))), [_rows(own, len(values)) for own in given]
         for j, p in enumerate(by):
@@ -344,6 +340,11 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At, tuple[
     heir: At = kin.heir[part] if kin.inherits else part
     m, t, d = part.stop - part.start, kin.tangents, kin.normal.shape[1]
     if what == "dissipation":
+        if not all(law.steady for _, law in answer.model.interface.laws):
+            raise InputError(
+                "the energy that friction takes has derivatives with Coulomb, OrthotropicCoulomb and "
+                "Tresca: bounds of other laws may change with the slip. Leave dissipation out of it."
+            )
         return [(ASKED, "lost", 1.0)], slice(None) if contact is None else part, ()
     if what == "normal_force":
         return [(ASKED, what, 1.0)], part, (m,)

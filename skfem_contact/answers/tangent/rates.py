@@ -115,7 +115,8 @@ class Rates:
     change : dict of ndarray
         What the number changes of the load step, see `changes.change`.
     last : dict of ndarray
-        What the answer before has `handed_on`; nothing if it does not depend on the number.
+        Values of the answer before, of which those `HANDED_ON` count; none if it does not depend on the
+        number.
 
     Attributes
     ----------
@@ -125,17 +126,14 @@ class Rates:
 
     def __init__(self, tangent: Tangent, change: Values, last: Values) -> None:
         self.tangent = tangent
-        self.values = values = change | {"last " + name: own for name, own in last.items()}
+        self.values = values = change | {
+            f"last {name}": last[name] for name in HANDED_ON if name in last
+        }
         take(_before(tangent), values)
         self._recover = tangent.solved(values)
         if tangent.bolts:
             values["u"] = self.u
         take(_after(tangent, True), values)
-
-    @property
-    def handed_on(self) -> Values:
-        """What the next step begins with."""
-        return {name: self.values[name] for name in HANDED_ON if name in self.values}
 
     @cached_property
     def u(self) -> Array:
@@ -164,8 +162,6 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
     duals = dict(weights)
     for name, own in after.items():
         add(duals, name, own)
-    if "lost" in duals:
-        check_lost(tangent)
     take(_after(tangent, "lost" in duals), duals, back=True)
     recover = tangent.solved(duals, back=True)
     if loads or tangent.bolts:
@@ -209,7 +205,7 @@ class Verge:
                 "side: bounds of friction that change with the slip have no one-sided derivatives. "
                 "Take Coulomb, OrthotropicCoulomb or Tresca, or move the load a little off the kink."
             )
-        self.slope = tangent.rule.slope(np.maximum(local.normal_force, 0.0), local.slip)
+        self.slope = tangent.rule.slope(local.normal_force, local.slip)
         slid = tangent.slid & rubs
         self.open, self.slips = self.touches & ~tangent.closed, slid.copy()
         self.decides = rubs & ~slid  # whether it sticks
@@ -299,17 +295,3 @@ class Verge:
         turned = np.any(lengths(direction - self.direction) > SOLVED)
         self.direction = direction
         return bool(turned) or len(new) > 0
-
-
-def check_lost(tangent: Tangent) -> None:
-    """Refuse the energy lost under laws whose bounds change with the slip.
-
-    Raises
-    ------
-    InputError
-    """
-    if not tangent.rule.steady:
-        raise InputError(
-            "the energy that friction takes has derivatives with Coulomb, OrthotropicCoulomb and "
-            "Tresca: bounds of other laws may change with the slip. Leave dissipation out of it."
-        )

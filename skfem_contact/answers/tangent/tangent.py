@@ -189,11 +189,7 @@ class Tangent:
         by = self.rule.mapped(trial, local.normal_force, local.slip)[2]
         # the bound of glue that is pulled stays as it is
         by = by._replace(normal_force=np.where(self.presses[:, None], by.normal_force, 0.0))
-        found = mapped_slopes(by, self.slips, self.elastic, k, np.isinf(stiffness), trial)
-        if not self.rule.steady:
-            return found
-        spring = 0.5 * (found.spring + found.spring.swapaxes(1, 2))  # round-off alone makes it odd
-        return found._replace(spring=spring)
+        return mapped_slopes(by, self.slips, self.elastic, k, np.isinf(stiffness), trial)
 
     slope = property(lambda self: self.slopes.by_normal, doc="See the class.")
     spring = property(lambda self: self.slopes.spring, doc="See the class.")
