@@ -266,13 +266,13 @@ def _linearised(
         derivatives = list(derivatives)
     except (TypeError, ValueError):
         raise InputError(
-            f"the function returned {shown(given)}; it has to return (value, derivatives), these a list "
+            f"it returned {shown(given)}; it has to return (value, derivatives), these a list "
             "with a dict for each result, None where it does not depend on it"
         ) from None
     if len(derivatives) != len(results):
         raise InputError(
-            f"the function returned {len(derivatives)} derivatives for {len(results)} results: give one "
-            "dict for each result, in the order of the steps, None where nothing depends on it"
+            f"it returned {len(derivatives)} derivatives for {len(results)} results: give one dict for "
+            "each result, in the order of the steps, None where nothing depends on it"
         )
     return results, tangents, value, derivatives
 
@@ -351,9 +351,10 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At, tuple[
     if what == "gap":
         return [(ASKED, what, 1.0)], heir, (m,)
     normal_force = local.normal_force[:, None]
+    maps: Maps
     if what == "pressure":
         per = kin.per_area[:, None]
-        maps: Maps = [(ASKED, "normal_force", per), (ASKED, "area", -(per**2) * normal_force)]
+        maps = [(ASKED, "normal_force", per), (ASKED, "area", -(per**2) * normal_force)]
         return maps, heir, (m,)
     if what == "slip":
         if not answer.model.interface.slipping[part].any():
@@ -365,16 +366,9 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At, tuple[
     if what == "tangential_force":
         return [(ASKED, "friction", -_along_tangents(kin, kin.axes))], part, (m, t)
     by_axes = -np.einsum("it,de->idte", local.tangential_force, np.eye(d)).reshape(kin.m, d, -1)
-    return (
-        [  # force = sum of lambda n - tau . axes
-            (ASKED, "normal_force", kin.normal[:, :, None]),
-            (ASKED, "friction", -kin.axes.swapaxes(1, 2)),
-            (ASKED, "normal", normal_force),
-            (ASKED, "axes", by_axes),
-        ],
-        part,
-        (d,),
-    )
+    maps = [(ASKED, "normal_force", kin.normal[:, :, None]), (ASKED, "normal", normal_force)]
+    maps += [(ASKED, "friction", -kin.axes.swapaxes(1, 2)), (ASKED, "axes", by_axes)]
+    return maps, part, (d,)  # force = sum of lambda n - tau . axes
 
 
 def _along_tangents(kin: Kinematics, basis: Array) -> Any:

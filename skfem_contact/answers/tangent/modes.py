@@ -316,16 +316,22 @@ class Damping:
 
 
 def damping(
-    solver: Any,
-    result: ContactResult,
-    modes: Modes,
-    amplitudes: ArrayLike,
-    i: int,
-    steps: int,
-    cycles: int,
+    solver: Any, result: ContactResult, modes: Modes, wanted: ArrayLike, i: int, steps: int, cycles: int
 ) -> Damping:
     """See `ContactSolver.damping`."""
-    asked = _checked(modes, amplitudes, i, result)
+    check_kind(result, ContactResult, "result", "give one of solve() or history()")
+    check_kind(modes, Modes, "modes", "give what modes(result) found")
+    whole_number(i, "mode", 0, len(modes.frequency) - 1)
+    if modes.shapes.shape[1] != answer_of(result).system.n:
+        raise InputError("modes are those of other bodies: give modes of this result")
+    if np.iscomplexobj(modes.shapes[i]) or modes.growth[i] or not modes.frequency[i]:
+        raise InputError(
+            f"mode {i} is a rigid motion, grows, or is complex: it has no force that brings it back. "
+            "Take another one; of slipping='stuck' or 'free' none is complex."
+        )
+    asked = np.atleast_1d(numbers(wanted, "amplitudes", "give a list of lengths"))
+    if asked.ndim != 1 or not len(asked) or not np.all(np.isfinite(asked) & (asked > 0)):
+        raise InputError(f"amplitudes = {shown(wanted)}; give a list of lengths above zero")
     whole_number(steps, "steps", 2)
     whole_number(cycles, "cycles", 1)
     system, linear = answer_of(result).system, float(modes.frequency[i])
@@ -355,23 +361,6 @@ def damping(
     bolts = dict(zip(result.bolts, np.array(tight), strict=True))
     ends = energy, ratio, masing, lost, np.array(count), np.array(closed)
     return Damping(linear, amplitude, frequency, *ends, loops, first, bolts)
-
-
-def _checked(modes: Modes, amplitudes: ArrayLike, i: int, result: ContactResult) -> Array:
-    check_kind(result, ContactResult, "result", "give one of solve() or history()")
-    check_kind(modes, Modes, "modes", "give what modes(result) found")
-    whole_number(i, "mode", 0, len(modes.frequency) - 1)
-    if modes.shapes.shape[1] != answer_of(result).system.n:
-        raise InputError("modes are those of other bodies: give modes of this result")
-    if np.iscomplexobj(modes.shapes[i]) or modes.growth[i] or not modes.frequency[i]:
-        raise InputError(
-            f"mode {i} is a rigid motion, grows, or is complex: it has no force that brings it back. "
-            "Take another one; of slipping='stuck' or 'free' none is complex."
-        )
-    asked = np.atleast_1d(numbers(amplitudes, "amplitudes", "give a list of lengths"))
-    if asked.ndim != 1 or not len(asked) or not np.all(np.isfinite(asked) & (asked > 0)):
-        raise InputError(f"amplitudes = {shown(amplitudes)}; give a list of lengths above zero")
-    return asked
 
 
 def _cycled(

@@ -60,10 +60,8 @@ def _before(tangent: Tangent) -> Maps:
         by_slip = slopes.by_slip
         maps += [("offset", "last slip", by_slip), ("offset", "last reference", -by_slip)]
     if tangent.bolts:
-        maps += [
-            ("drive", "last stretch", 1.0 * tangent.locked),
-            ("f", "drive", -tangent.bolts.pulls.T),
-        ]
+        maps.append(("drive", "last stretch", 1.0 * tangent.locked))
+        maps.append(("f", "drive", -tangent.bolts.pulls.T))
     return maps
 
 
@@ -125,10 +123,8 @@ class Rates:
     """
 
     def __init__(self, tangent: Tangent, change: Values, last: Values) -> None:
-        self.tangent = tangent
-        self.values = values = change | {
-            f"last {name}": last[name] for name in HANDED_ON if name in last
-        }
+        begun = {f"last {name}": last[name] for name in HANDED_ON if name in last}
+        self.tangent, self.values = tangent, (values := change | begun)
         take(_before(tangent), values)
         self._recover = tangent.solved(values)
         if tangent.bolts:

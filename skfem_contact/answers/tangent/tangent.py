@@ -295,14 +295,10 @@ class Tangent:
             name, rims = ("u", self.rims.T) if back else ("f", self.rims)
             b = rims @ once(dict(values))()
             size = float(np.linalg.norm(b))
-            found = gmres(
-                lambda f: f - rims @ once({name: f})(), b, np.copy, b, COMPUTED * size, len(b)
-            )
-            if found.residual > SOLVED * size:
-                raise NotConverged(
-                    "derivatives at the free rims of what a fluid presses were not found", None
-                )
-            add(values, name, found.x)
+            own = gmres(lambda f: f - rims @ once({name: f})(), b, np.copy, b, COMPUTED * size, len(b))
+            if own.residual > SOLVED * size:
+                raise NotConverged("derivatives at free rims that a fluid presses were not found", None)
+            add(values, name, own.x)
         with single_threaded:
             return once(values)
 
@@ -319,10 +315,12 @@ class Tangent:
             gap, slip = values.get("gap", shut), values.get("slip", still)
             given = {"gap0": values.get("normal_force", shut), "slip0": -values.get("friction", still)}
             given |= {"f": values["u"]} if "u" in values else {}
-        anchor, offset = (given.get(name, still) for name in ("anchor", "offset"))
+        anchor, offset, slip0 = (given.get(name, still) for name in ("anchor", "offset", "slip0"))
         held = replace(self.conditions, anchor=anchor, offset=offset, transposed=back)
         zone, key = self.zones.fitting(held, self.local.gap)
-        load = problem.other_load(case := self._case(given))
+        f, x = (given[name] if name in given else np.zeros(self.answer.system.n) for name in "fx")
+        case = LoadCase(f, x, given.get("gap0", shut)[:, 0], slip0, shut[:, 0], ())
+        load = problem.other_load(case)
         if back:
             zone.push(load, problem.on_rows(gap[:, 0], slip))
         found = zone.solve(held, load, key)
@@ -342,13 +340,6 @@ class Tangent:
                 return problem.bodies.recover(Source(force, True), [None], [case])[0]
 
         return recover
-
-    def _case(self, given: Values) -> LoadCase:
-        """Return the load case of changes of the loads f, x, and of gap0 and slip0."""
-        n, (m, t) = self.answer.system.n, self.local.slip.shape
-        f, x = (given[name] if name in given else np.zeros(n) for name in "fx")
-        gap0, slip0 = given.get("gap0", np.zeros((m, 1))), given.get("slip0", np.zeros((m, t)))
-        return LoadCase(f, x, gap0[:, 0], slip0, gap0, ())
 
     # -- matrices, on request -------------------------------------------------------------------
 
