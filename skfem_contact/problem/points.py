@@ -39,9 +39,6 @@ class Conditions:
     rough : bool
         Whether an answer on the way will do: where linear problems are iterated, one that leaves a
         hundredth of what is wrong with the iterate before.
-    transposed : bool
-        Whether the transposed equations are asked for: friction follows no normal force then, but the
-        gap of a closed point its slip, ``g = coupling . s``, and springs are transposed.
     """
 
     closed: Mask
@@ -51,7 +48,6 @@ class Conditions:
     offset: Array
     coupling: Array
     rough: bool = False
-    transposed: bool = False
 
     @cached_property
     def gives(self) -> bool:
@@ -148,10 +144,10 @@ class Load:
 
 def friction_force(conditions: Conditions, moved: Array, normal_force: Array) -> Array:
     """The linear friction law of the points that do not stick exactly, moved from their anchors."""
-    force, back = conditions.offset, conditions.transposed
+    force = conditions.offset
     if conditions.gives:
-        force = force + np.einsum("ilk,il->ik" if back else "ikl,il->ik", conditions.spring, moved)
-    return force if back else force + conditions.coupling * normal_force[:, None]
+        force = force + np.einsum("ikl,il->ik", conditions.spring, moved)
+    return force + conditions.coupling * normal_force[:, None]
 
 
 class LinearProblem(Protocol):
@@ -244,6 +240,10 @@ class Unknowns(NamedTuple):
     since: Array
 
 
+#: Derivatives of a number by what an answer follows from.
+Duals = dict[str, Array]
+
+
 class LoadForces:
     """Forces h on gaps and slips of loads that say what these do where contact carries nothing.
 
@@ -324,38 +324,84 @@ class PointSpace:
 
         `key`: the same, or equal, for conditions with the same matrix; by default their own.
         """
-        rows = self._held(conditions, conditions.matrix_key() if key is None else key)
+        rows, factor = self._held(conditions, conditions.matrix_key() if key is None else key)
         z = np.zeros(len(self.S))
         z[rows.gaps] = -load.gap0[rows.closed]
         z[rows.slips] = (conditions.anchor - load.slip0)[rows.stick]
         # friction of what slides, as far as it follows from what is held; springs begin at anchors
-        known, back = conditions.offset, conditions.transposed
-        if conditions.gives or back:
+        known = conditions.offset
+        if conditions.gives:
             beyond = load.slip0 - conditions.anchor
             z[rows.sliding] = -beyond[rows.slides]
             given = np.where(rows.slides, 0.0, beyond)  # along tangents that supports prescribe
-            known = friction_force(conditions, given, np.zeros(len(given)))
-            if back and rows.bare is not None:
-                z[rows.gaps] += np.sum(conditions.coupling * given, axis=1)[rows.closed]
+            known = known + np.einsum("ikl,il->ik", conditions.spring, given)
         force = self.force(load)
         rhs = force - self.S.dot(z)  # of so few rows in half the time of @
         rhs[rows.sliding] -= known[rows.slides]
-        if not back:
-            rhs[rows.rubbing] += rows.share * rhs[rows.pressing]
-        if self._factor is None:
-            self._factor = self._factorize(conditions, rows)
+        rhs[rows.rubbing] += rows.share * rhs[rows.pressing]
         since = np.zeros_like(z)
-        since[rows.free] = self._factor.solve(rhs[rows.free], transposed=back)
-        if back:
-            np.add.at(since, rows.pressing, rows.share * since[rows.rubbing])
-        z += since
+        since[rows.free] = factor.solve(rhs[rows.free])
+        z[rows.free] += since[rows.free]
         return Unknowns(z, self.S.dot(z) - force, since)
 
-    def _held(self, conditions: Conditions, key: object) -> HeldRows:
-        """The rows that conditions hold; of the last ones, if their matrix is the same."""
-        if self._rows is None or key != self._key:
+    def adjoint(self, conditions: Conditions, of: Response, key: object) -> Duals:
+        """`unknowns` and `response` backwards, line by line.
+
+        Parameters
+        ----------
+        conditions : Conditions
+        of : Response
+            Derivatives of a number by gaps, slips and forces; by the solution z too.
+        key : object
+            As of `unknowns`.
+
+        Returns
+        -------
+        dict of ndarray
+            Derivatives by the forces h on gaps and slips, `load` (q,), and S times that, `moved`; by
+            gap0 (m, 1), and by slip0, anchor and offset, (m, d-1).
+        """
+        rows, factor = self._held(conditions, key)
+        q, slip, normal_force, tangential = len(self.S), of.slip, of.normal_force, of.tangential_force
+        by_law = way = np.zeros(slip.shape)
+        if rows.bare is not None:
+            by_law = np.where(rows.bare, tangential, 0.0)
+            way = np.einsum("ikl,ik->il", conditions.spring, by_law)
+            normal_force = normal_force + np.sum(conditions.coupling * by_law, axis=1)
+        slip = slip + way
+        gap0 = np.where(rows.closed, 0.0, of.gap)
+        # each point has rows of its own; those of -1, which there are not, go to the end
+        z, p = np.concatenate((of.solution, NO_ROW)), np.zeros(q)
+        z[self.normal_rows] += gap0
+        z[self.tangential_rows] += slip
+        p[rows.gaps] = normal_force[rows.closed]
+        p[rows.slips] = -tangential[rows.stick]
+        p[rows.sliding] = -tangential[rows.slides]
+        own = z[:-1]
+        z = own + self.S.dot(p)
+        r = np.zeros(q)
+        r[rows.free] = factor.solve(z[rows.free], transposed=True)
+        if len(rows.rubbing):
+            np.add.at(r, rows.pressing, rows.share * r[rows.rubbing])
+        base = z - self.S.dot(r)
+        gap0[rows.closed] = -base[rows.gaps]
+        # held: what moves with anchors, slips of sticking points and springs
+        held, known = np.zeros((2, *slip.shape))
+        held[rows.stick] = base[rows.slips]
+        known[rows.slides] = -r[rows.sliding]
+        if conditions.gives:
+            held[rows.slides] = base[rows.sliding]
+            given = np.einsum("ikl,ik->il", conditions.spring, known)
+            held -= np.where(rows.slides, 0.0, given)
+        found = {"load": r - p, "moved": own - base, "gap0": gap0[:, None], "slip0": slip - held}
+        return found | {"anchor": held - way, "offset": by_law + known}
+
+    def _held(self, conditions: Conditions, key: object) -> tuple[HeldRows, DenseFactors]:
+        """The rows that conditions hold, and the factor; the last ones, if their matrix is the same."""
+        if self._rows is None or self._factor is None or key != self._key:
             self._key, self._rows, self._factor = key, HeldRows(self, conditions), None
-        return self._rows
+            self._factor = self._factorize(conditions, self._rows)
+        return self._rows, self._factor
 
     def _factorize(self, conditions: Conditions, rows: HeldRows) -> DenseFactors:
         free = rows.free

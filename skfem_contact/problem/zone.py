@@ -34,7 +34,9 @@ from skfem_contact.conditions.state import LoadCase
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import blocks, cholesky, lu, symmetrise
 from skfem_contact.problem.points import (
+    NO_ROW,
     Conditions,
+    Duals,
     Load,
     LoadForces,
     PointSpace,
@@ -133,9 +135,6 @@ class PointProblem(OnContactDofs):
 
     def other_load(self, case: LoadCase) -> Load:
         """A load case that is like no other, or one of its derivatives: nothing of it is remembered."""
-        if not (case.f.any() or case.x.any()):
-            nothing, still = np.zeros(self.G.shape[1]), np.zeros(len(self.compliance.W))
-            return Load(np.zeros(0), case.gap0, case.slip0, nothing, moved=still)
         force = self.bodies.other_load(case.f, case.x)
         return self._load(case, (), force, self.bodies.flexibility(force))
 
@@ -348,21 +347,49 @@ class Zone:
         if self.left:
             full = np.zeros(len(self.rows) + len(self.rest) + 1)  # the last for rows of -1
             full[self.rows] = z
-            if not conditions.transposed:
-                full[self.rest] = load.moved[self.rest] + self._across.dot(np.append(p, q))
-                normal, tangential = self._left_rows
-                response.gap[self._left] += full[normal]
-                response.slip[self._left] += full[tangential]
-            z = full[:-1]
+            full[self.rest] = load.moved[self.rest] + self._across.dot(np.append(p, q))
+            z, (normal, tangential) = full[:-1], self._left_rows
+            response.gap[self._left] += full[normal]
+            response.slip[self._left] += full[tangential]
         response.solution = np.append(z, q) if len(q) else z
         return response
 
-    def push(self, load: Load, forces: Array) -> None:
-        """Let forces (q,) act on gaps and slips; where those left out move then is not found."""
-        assert load.moved is not None
+    def adjoint(self, conditions: Conditions, of: Response, key: object) -> Duals:
+        """`solve` backwards.
+
+        Parameters
+        ----------
+        conditions, key
+            As of `solve`.
+        of : Response
+            Derivatives of a number by gaps, slips and forces of all points; its solution those by the
+            forces of all rows and of the springs on anchors, which come on top.
+
+        Returns
+        -------
+        dict of ndarray
+            As of `PointSpace.adjoint`; `moved` is by what gaps, slips and anchors do where contact
+            carries nothing.
+        """
+        forces, moved = of.solution.copy(), np.zeros(len(of.solution))
+        q, by_z = len(forces) - len(self._A_qq), np.zeros(len(self.rows))
         if self.left:
-            load.moved[self._on] += forces[self.rest] @ self._across
-        load.force = self._forces(load) + forces[self.rows]
+            left = np.zeros(q + 1)  # the last for rows of -1
+            left[self._normal], left[self._tangential] = of.gap, of.slip
+            moved[self.rest] = left[self.rest]
+            forces[self._on] += moved[self.rest] @ self._across
+        if len(forces) > q:
+            anchors = self._rigid.solve(forces[q:])
+            by_z = -forces[q:] @ self._carried
+        p = np.concatenate((forces[:q], NO_ROW))
+        normal_force = of.normal_force + p[self._normal]
+        friction = of.tangential_force - p[self._tangential]
+        own = Response(of.gap, of.slip, normal_force, friction, by_z)
+        found = self.space.adjoint(conditions, own, key)
+        moved[self.rows] = found["moved"] - by_z
+        if len(forces) > q:
+            moved[q:] = self._A_qq @ anchors - self._carried @ found["load"]
+        return found | {"moved": moved}
 
 
 def indefinite_inverse(W: Array, refuses: bool = True) -> Array:

@@ -25,7 +25,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,7 +46,7 @@ from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.linalg.resources import single_threaded
 from skfem_contact.loops.active_set import largest_force
-from skfem_contact.problem.points import Conditions
+from skfem_contact.problem.points import Conditions, Response
 from skfem_contact.problem.seam import Source, Workspace
 
 #: Derivatives by name, of loads or points: (n,) or (m, width). What is not there is zero.
@@ -290,9 +290,9 @@ class Tangent:
         NotConverged
             A fluid pushes rims more than the bodies resist.
         """
-        once = partial(self._once, back=back)
-        if self.rims is not None:
-            name, rims = ("u", self.rims.T) if back else ("f", self.rims)
+        once, name, rims = (self._back, "u", self.rims) if back else (self._forth, "f", self.rims)
+        if rims is not None:
+            rims = rims.T if back else rims
             b = rims @ once(dict(values))()
             size = float(np.linalg.norm(b))
             own = gmres(lambda f: f - rims @ once({name: f})(), b, np.copy, b, COMPUTED * size, len(b))
@@ -302,44 +302,44 @@ class Tangent:
         with single_threaded:
             return once(values)
 
-    def _once(self, values: Values, back: bool) -> Callable[[], Array]:
-        """`solved` without rims.
+    def _forth(self, values: Values) -> Callable[[], Array]:
+        """`solved` without rims."""
+        held, (zone, key) = self.conditions, self.zones.fitting(self.conditions, self.local.gap)
+        anchor, offset = (values.get(name, held.anchor) for name in ("anchor", "offset"))
+        case = self._case(values)
+        load = self.problem.other_load(case)
+        found = zone.solve(replace(held, anchor=anchor, offset=offset), load, key)
+        values |= {"gap": found.gap[:, None], "normal_force": found.normal_force[:, None]}
+        values |= {"slip": found.slip, "friction": found.tangential_force}
+        return lambda: self._recovered(self.problem.source(load, found).values, case)
 
-        Backwards by reciprocity: what a number depends on by gaps and slips are forces on points, and
-        what it depends on by forces are gaps and slips. Forces that follow are derivatives by gaps and
-        slips, and slips are those by the friction of the law.
-        """
-        problem, still, given = self.problem, self.conditions.anchor, values
-        shut = np.zeros((len(still), 1))
-        if back:
-            gap, slip = values.get("gap", shut), values.get("slip", still)
-            given = {"gap0": values.get("normal_force", shut), "slip0": -values.get("friction", still)}
-            given |= {"f": values["u"]} if "u" in values else {}
-        anchor, offset, slip0 = (given.get(name, still) for name in ("anchor", "offset", "slip0"))
-        held = replace(self.conditions, anchor=anchor, offset=offset, transposed=back)
-        zone, key = self.zones.fitting(held, self.local.gap)
-        f, x = (given[name] if name in given else np.zeros(self.answer.system.n) for name in "fx")
-        case = LoadCase(f, x, given.get("gap0", shut)[:, 0], slip0, shut[:, 0], ())
-        load = problem.other_load(case)
-        if back:
-            zone.push(load, problem.on_rows(gap[:, 0], slip))
-        found = zone.solve(held, load, key)
-        if back:
-            rubs = (self.closed & ~self.stick)[:, None]
-            values |= {"anchor": found.tangential_force, "offset": np.where(rubs, -found.slip, 0.0)}
-            values["gap0"] = gap + found.normal_force[:, None]
-            values["slip0"] = slip - found.tangential_force
-            found.normal_force, found.tangential_force = values["gap0"][:, 0], -values["slip0"]
-        else:
-            values |= {"gap": found.gap[:, None], "normal_force": found.normal_force[:, None]}
-            values |= {"slip": found.slip, "friction": found.tangential_force}
+    def _back(self, values: Values) -> Callable[[], Array]:
+        """`solved` backwards, without rims."""
+        (m, t), problem = self.local.slip.shape, self.problem
+        zone, key = self.zones.fitting(self.conditions, self.local.gap)
+        forces, held, given = np.zeros(len(problem.compliance.W)), np.zeros(1), Values()
+        if "u" in values:
+            given["f"] = values["u"]
+            load = problem.other_load(self._case(given))
+            forces, held = np.asarray(load.moved), load.prescribed
+        of = [np.ravel(values.get(name, np.zeros(m))) for name in ("gap", "normal_force")]
+        along = [values.get(name, np.zeros((m, t))) for name in ("slip", "friction")]
+        duals = Response(of[0], along[0], of[1], along[1], forces)
+        found = zone.adjoint(self.conditions, duals, key)
+        values |= found
+        return lambda: self._recovered(problem.G.T @ found["moved"] + held, self._case(given))
 
-        def recover() -> Array:
-            force = problem.source(load, found).values[:, None]
-            with single_threaded:
-                return problem.bodies.recover(Source(force, True), [None], [case])[0]
+    def _case(self, given: Values) -> LoadCase:
+        """Return the load case of changes of the loads f, x, and of gap0 and slip0."""
+        n, (m, t) = self.answer.system.n, self.local.slip.shape
+        f, x = (given[name] if name in given else np.zeros(n) for name in "fx")
+        gap0, slip0 = given.get("gap0", np.zeros((m, 1))), given.get("slip0", np.zeros((m, t)))
+        return LoadCase(f, x, gap0[:, 0], slip0, np.zeros(m), ())
 
-        return recover
+    def _recovered(self, force: Array, case: LoadCase) -> Array:
+        """Displacements (n,) under such changes and forces on the contact DOFs (n_c,)."""
+        with single_threaded:
+            return self.problem.bodies.recover(Source(force[:, None], True), [None], [case])[0]
 
     # -- matrices, on request -------------------------------------------------------------------
 
