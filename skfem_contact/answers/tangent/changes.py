@@ -153,9 +153,7 @@ def change(by: Parameter, tangent: Tangent) -> Values:
     whole = by.along is None or (by.kind == "stiffness" and issparse(by.along))
     for _, at in places:
         p[at] = 1.0 if whole else _field(by, p[at])
-    values = {FIELD: p}
-    take(_maps(by, tangent, places), values)
-    return values
+    return take(_maps(by, tangent, places), {FIELD: p})
 
 
 def contracted(by: Parameter, tangent: Tangent, duals: Values) -> Any:
@@ -166,11 +164,10 @@ def contracted(by: Parameter, tangent: Tangent, duals: Values) -> Any:
     if not by.field:
         found = change(by, tangent)
         return sum(float(np.vdot(own, duals[name])) for name, own in found.items() if name in duals)
-    places, duals = _places(by, tangent.answer), dict(duals)
+    places = _places(by, tangent.answer)
     if len(places) != 1:
         raise InputError(f"{by!r}: a field is of one body or contact; name it, of=...")
-    take(_maps(by, tangent, places), duals, back=True)
-    own = duals[FIELD][places[0][1]]
+    own = take(_maps(by, tangent, places), dict(duals), back=True)[FIELD][places[0][1]]
     return own.sum(axis=0) if by.kind == "motion" else own.ravel()
 
 
@@ -257,8 +254,7 @@ def _between(by: Parameter, tangent: Tangent) -> Values:
         )
     less, more = (_in_scene(solver, tangent) for solver in ends)
     found = {name: (more[name] - less[name]) / width for name in less}
-    take(_eased(tangent), found)
-    return found
+    return take(_eased(tangent), found)
 
 
 def _in_scene(solver: Any, tangent: Tangent) -> Values:

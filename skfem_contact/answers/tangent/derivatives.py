@@ -112,9 +112,7 @@ class Sensitivity:
             Its name; not needed where there is one, nor for the energy that all of them lose.
         """
         maps, at, shape = _quantity(self._answer, quantity, contact)
-        values = dict(self._rates.values)
-        take(maps, values)
-        found = self._sign * values[ASKED][at]
+        found = self._sign * take(maps, dict(self._rates.values))[ASKED][at]
         found = found.sum(axis=0) if quantity in SUMS else found
         return found.reshape(shape) if shape else float(found[0])
 
@@ -266,13 +264,13 @@ def _linearised(
         derivatives = list(derivatives)
     except (TypeError, ValueError):
         raise InputError(
-            f"it returned {shown(given)}; it has to return (value, derivatives), these a list "
+            f"the function gave {shown(given)}; it has to return (value, derivatives), these a list "
             "with a dict for each result, None where it does not depend on it"
         ) from None
     if len(derivatives) != len(results):
         raise InputError(
-            f"it returned {len(derivatives)} derivatives for {len(results)} results: give one dict for "
-            "each result, in the order of the steps, None where nothing depends on it"
+            f"the function gave {len(derivatives)} derivatives for {len(results)} results: give one "
+            "dict for each result, in the order of the steps, None where nothing depends on it"
         )
     return results, tangents, value, derivatives
 

@@ -90,8 +90,11 @@ def _after(tangent: Tangent, lost: bool) -> Maps:
     return maps
 
 
-def take(maps: Maps, values: Values, back: bool = False) -> None:
-    """Take maps one after the other; or, `back`, their transposes from the last to the first."""
+def take(maps: Maps, values: Values, back: bool = False) -> Values:
+    """Take maps one after the other; or, `back`, their transposes from the last to the first.
+
+    What comes of them is added to the values, which are returned.
+    """
     for out, of, block in reversed(maps) if back else maps:
         to, by = (of, out) if back else (out, of)
         if by not in values:
@@ -102,6 +105,7 @@ def take(maps: Maps, values: Values, back: bool = False) -> None:
             add(values, to, np.einsum("ikl,ik->il" if back else "ikl,il->ik", block, values[by]))
         else:
             add(values, to, block * values[by])
+    return values
 
 
 class Rates:
@@ -171,13 +175,10 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
 def _by_supports(tangent: Tangent, duals: Values) -> Array:
     """Derivatives of a number by prescribed displacements (n,), from those by all else."""
     answer, kin = tangent.answer, tangent.answer.kin
-    x = np.zeros(answer.system.n)
-    whole = kin.B_n.T @ np.where(kin.paired, duals["gap0"][:, 0], 0.0) + duals.get("u", x)
-    whole -= block_diag(answer.stiffness, format="csr") @ duals["f"]
-    if tangent.problem.slips:
-        whole += kin.B_t.T @ duals["slip0"].ravel()
-    x[answer.system.D] = whole[answer.system.D]
-    return x
+    x = duals.get("u", 0.0) - block_diag(answer.stiffness, format="csr") @ duals["f"]
+    x += kin.B_n.T @ np.where(kin.paired, duals["gap0"][:, 0], 0.0)
+    x += kin.B_t.T @ duals["slip0"].ravel()
+    return np.where(np.isin(np.arange(len(x)), answer.system.D), x, 0.0)
 
 
 class Verge:

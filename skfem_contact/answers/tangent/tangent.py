@@ -348,8 +348,7 @@ class Tangent:
         """Stiffness of all bodies with the springs of slipping points, (n, n) [force/length]."""
         stiffness = csr_matrix(block_diag(self.answer.stiffness, format="csr"))
         if self.conditions.gives:
-            B_t = self.answer.kin.B_t
-            stiffness = csr_matrix(stiffness + tangential_matrix(B_t, self.spring))
+            stiffness = csr_matrix(stiffness + tangential_matrix(self.answer.kin.B_t, self.spring))
         return stiffness if self.rims is None else csr_matrix(stiffness - self.rims)
 
     @property
