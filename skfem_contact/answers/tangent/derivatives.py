@@ -91,11 +91,9 @@ class Sensitivity:
     @property
     def bolts(self) -> dict[str, BoltRates]:
         """The derivatives of the forces and stretches of bolts, by name."""
-        rates, names = self._rates, self._answer.bolt_names
-        if not names:
-            return {}
-        known = self._sign * np.column_stack([rates.values["tension"], rates.values["stretch"]])
-        return {name: BoltRates(*own) for name, own in zip(names, known.tolist(), strict=True)}
+        values, names = self._rates.values, self._answer.bolt_names
+        known = [(self._sign * values[name]).tolist() for name in ("tension", "stretch") if names]
+        return {name: BoltRates(*own) for name, *own in zip(names, *known, strict=True)}
 
     def displacement(self, body: Any) -> Array:
         """Return the derivatives of the displacements of one body, shape (n_body,)."""

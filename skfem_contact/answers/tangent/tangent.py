@@ -221,11 +221,9 @@ class Tangent:
     @cached_property
     def margins(self) -> tuple[Array, Array]:
         """Return how far points are from opening or closing, and from sticking or slipping."""
-        local, interface = self.local, self.answer.model.interface
-        resistance, gap = self.problem.resistance, np.where(np.isfinite(local.gap), local.gap, np.inf)
-        with np.errstate(invalid="ignore"):  # a point without a partner resists nothing
-            apart = np.where(self.closed, local.normal_force, resistance.normal * gap)
-        never = interface.bilateral | (~self.closed & np.isinf(gap))
+        local, interface, resistance = self.local, self.answer.model.interface, self.problem.resistance
+        apart = np.where(self.closed, local.normal_force, self._opened)
+        never = interface.bilateral | ~(self.closed | np.isfinite(local.gap))
         along = np.sum(self.answer.plastic_slip * unit_vectors(local.tangential_force), axis=1)
         lacking = self.bound - lengths(local.tangential_force)
         slides = np.where(local.status == SLIP, resistance.tangential * along, lacking)
@@ -257,9 +255,13 @@ class Tangent:
     @cached_property
     def largest_force(self) -> float:
         """The largest force of a point; without any, what would close the largest gap [force]."""
+        return largest_force(self.local) or largest(self._opened) or 1.0
+
+    @property
+    def _opened(self) -> Array:
+        """What would close the gaps by itself, zero of points without a partner, (m,) [force]."""
         gap = np.where(np.isfinite(self.local.gap), self.local.gap, 0.0)
-        apart = np.nan_to_num(gap * self.problem.resistance.normal, posinf=0.0)
-        return largest_force(self.local) or largest(apart) or 1.0
+        return np.asarray(gap * self.problem.resistance.normal)
 
     # -- solves, through the factors that are there ---------------------------------------------
 
@@ -322,12 +324,11 @@ class Tangent:
             given["f"] = values["u"]
             load = problem.other_load(self._case(given))
             forces, held = np.asarray(load.moved), load.prescribed
-        of = [np.ravel(values.get(name, np.zeros(m))) for name in ("gap", "normal_force")]
-        along = [values.get(name, np.zeros((m, t))) for name in ("slip", "friction")]
-        duals = Response(of[0], along[0], of[1], along[1], forces)
-        found = zone.adjoint(self.conditions, duals, key)
-        values |= found
-        return lambda: self._recovered(problem.G.T @ found["moved"] + held, self._case(given))
+        gap, normal_force = (np.ravel(values.get(k, np.zeros(m))) for k in ("gap", "normal_force"))
+        slip, friction = (values.get(name, np.zeros((m, t))) for name in ("slip", "friction"))
+        duals = Response(gap, slip, normal_force, friction, forces)
+        values |= zone.adjoint(self.conditions, duals, key)
+        return lambda: self._recovered(problem.G.T @ values["moved"] + held, self._case(given))
 
     def _case(self, given: Values) -> LoadCase:
         """Return the load case of changes of the loads f, x, and of gap0 and slip0."""
