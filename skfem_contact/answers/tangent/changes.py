@@ -175,7 +175,6 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
     """What the values of a parameter at each point or DOF change, which are zero at other places."""
     answer, bolts, kind = tangent.answer, tangent.bolts, by.kind
     case, system, kin = answer.case, answer.system, answer.kin
-    own: Array
     if bolts is not None and kind in BOLTS:
         given = tangent.tightened if kind == "bolt_force" else ~tangent.tightened & ~tangent.locked
         return [("drive", FIELD, given / np.where(tangent.tightened, bolts.k, 1.0))]
@@ -197,9 +196,9 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
         load = kind == "load"
         # of a body in a step over those that a user gives; or of all, with what fluids have by now
         factor, units = case.scale[not load], system.units * np.ones(1)
-        own = (1.0 / units if load else units) * (1.0 if factor is None else factor)
+        each = (1.0 / units if load else units) * (1.0 if factor is None else factor)
         if by.field or by.along is not None:
-            return [("f" if load else "x", FIELD, own)]
+            return [("f" if load else "x", FIELD, each)]
         if not load:
             return [("x", FIELD, case.x)]
         maps: Maps = [("f", FIELD, case.applied + (answer.load - case.f))]

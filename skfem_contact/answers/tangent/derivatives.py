@@ -259,7 +259,7 @@ def _linearised(
     given = asked(results)
     try:
         value, derivatives = given
-        derivatives = list(derivatives)
+        derivatives = [{} if own is None else own for own in derivatives]
     except (TypeError, ValueError):
         raise InputError(
             f"the function gave {shown(given)}; it has to return (value, derivatives), these a list "
@@ -306,7 +306,6 @@ def jacobian(history: History, observe: Asked, by: Any, side: int, recover: Reco
 
 def _rows(given: Any, count: int) -> list[tuple[int, Any]]:
     """The values that depend on a result, each with its derivatives."""
-    given = {} if given is None else given
     if not isinstance(given, dict) or not all(key in range(count) for key in given):
         raise InputError(
             f"derivatives of observe are {shown(given)}; give for each result a dict by the number of "
@@ -342,10 +341,8 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At, tuple[
                 "Tresca: bounds of other laws may change with the slip. Leave dissipation out of it."
             )
         return [(ASKED, "lost", 1.0)], slice(None) if contact is None else part, ()
-    if what == "normal_force":
-        return [(ASKED, what, 1.0)], part, (m,)
-    if what == "gap":
-        return [(ASKED, what, 1.0)], heir, (m,)
+    if what in ("gap", "normal_force"):
+        return [(ASKED, what, 1.0)], heir if what == "gap" else part, (m,)
     normal_force = local.normal_force[:, None]
     maps: Maps
     if what == "pressure":
