@@ -803,6 +803,20 @@ def test_what_has_no_derivative_is_refused(words):
         result.linearized  # noqa: B018
 
 
+def test_energy_lost_under_bounds_that_change_is_refused():
+    """Of one result, in a function of it, and backwards."""
+    solver = pressed(friction=Growing())
+    [result] = solver.history([STEP])
+    weights = {"dissipation": 1.0}
+    for ask in (
+        lambda: result.sensitivity("gap").dissipation,
+        lambda: result.sensitivity("gap").dot(weights),
+        lambda: solver.gradient(lambda r: (0.0, [weights]), [STEP], by="gap"),
+    ):
+        with pytest.raises(sc.errors.InputError, match="Leave dissipation out of it"):
+            ask()
+
+
 def test_internal_variables_are_refused():
     """What is handed on from step to step, and not differentiated."""
     basis = rectangle(np.linspace(0, 2, 5), np.linspace(0, 1, 3))

@@ -57,7 +57,7 @@ from skfem_contact.problem.substructure import Substructure
 from skfem_contact.records import Lock, carried, sealed
 
 if TYPE_CHECKING:
-    from skfem_contact.answers.tangent.derivatives import Gradient, Jacobian
+    from skfem_contact.answers.tangent.derivatives import Asked, Gradient, Jacobian
     from skfem_contact.answers.tangent.modes import Damping, Modes
     from skfem_contact.history.checkpoint import SavedState
     from skfem_contact.history.equilibrium import Known
@@ -801,12 +801,7 @@ class ContactSolver(Variants):
 
     @known_keywords(**OF_SOLVER)
     def gradient(
-        self,
-        objective: Callable[[list[ContactResult]], Any],
-        steps: Iterable[Any],
-        *,
-        by: Any,
-        start: ContactResult | None = None,
+        self, objective: Asked, steps: Iterable[Any], *, by: Any, start: ContactResult | None = None
     ) -> Gradient:
         """Derivatives of one number that follows from a history, by any number of parameters.
 
@@ -859,7 +854,7 @@ class ContactSolver(Variants):
     @known_keywords(**OF_SOLVER)
     def jacobian(
         self,
-        observe: Callable[[list[ContactResult]], Any],
+        observe: Asked,
         steps: Iterable[Any],
         *,
         by: Any,

@@ -324,7 +324,7 @@ class PointSpace:
 
         `key`: the same, or equal, for conditions with the same matrix; by default their own.
         """
-        rows = self._held(conditions, conditions.matrix_key() if key is None else key)
+        rows, factor = self._held(conditions, conditions.matrix_key() if key is None else key)
         z = np.zeros(len(self.S))
         z[rows.gaps] = -load.gap0[rows.closed]
         z[rows.slips] = (conditions.anchor - load.slip0)[rows.stick]
@@ -339,10 +339,8 @@ class PointSpace:
         rhs = force - self.S.dot(z)  # of so few rows in half the time of @
         rhs[rows.sliding] -= known[rows.slides]
         rhs[rows.rubbing] += rows.share * rhs[rows.pressing]
-        if self._factor is None:
-            self._factor = self._factorize(conditions, rows)
         since = np.zeros_like(z)
-        since[rows.free] = self._factor.solve(rhs[rows.free])
+        since[rows.free] = factor.solve(rhs[rows.free])
         z[rows.free] += since[rows.free]
         return Unknowns(z, self.S.dot(z) - force, since)
 
@@ -363,10 +361,9 @@ class PointSpace:
             Derivatives by the forces h on gaps and slips, `load` (q,), and S times that, `moved`; by
             gap0 (m, 1), and by slip0, anchor and offset, (m, d-1).
         """
-        rows = self._held(conditions, key)
+        rows, factor = self._held(conditions, key)
         q, slip, normal_force, tangential = len(self.S), of.slip, of.normal_force, of.tangential_force
-        by_law: Array | float = 0.0
-        way: Array | float = 0.0
+        by_law = way = np.zeros(slip.shape)
         if rows.bare is not None:
             by_law = np.where(rows.bare, tangential, 0.0)
             way = np.einsum("ikl,ik->il", conditions.spring, by_law)
@@ -382,17 +379,15 @@ class PointSpace:
         p[rows.sliding] = -tangential[rows.slides]
         own = z[:-1]
         z = own + self.S.dot(p)
-        if self._factor is None:
-            self._factor = self._factorize(conditions, rows)
         r = np.zeros(q)
-        r[rows.free] = self._factor.solve(z[rows.free], transposed=True)
+        r[rows.free] = factor.solve(z[rows.free], transposed=True)
         if len(rows.rubbing):
             np.add.at(r, rows.pressing, rows.share * r[rows.rubbing])
         base = z - self.S.dot(r)
         gap0[rows.closed] = -base[rows.gaps]
-        held = np.zeros(slip.shape)  # of what moves with anchors: slips of sticking points, and springs
+        # held: what moves with anchors, slips of sticking points and springs
+        held, known = np.zeros((2, *slip.shape))
         held[rows.stick] = base[rows.slips]
-        known = np.zeros(slip.shape)
         known[rows.slides] = -r[rows.sliding]
         if conditions.gives:
             held[rows.slides] = base[rows.sliding]
@@ -401,11 +396,12 @@ class PointSpace:
         found = {"load": r - p, "moved": own - base, "gap0": gap0[:, None], "slip0": slip - held}
         return found | {"anchor": held - way, "offset": by_law + known}
 
-    def _held(self, conditions: Conditions, key: object) -> HeldRows:
-        """The rows that conditions hold; of the last ones, if their matrix is the same."""
-        if self._rows is None or key != self._key:
+    def _held(self, conditions: Conditions, key: object) -> tuple[HeldRows, DenseFactors]:
+        """The rows that conditions hold, and the factor; the last ones, if their matrix is the same."""
+        if self._rows is None or self._factor is None or key != self._key:
             self._key, self._rows, self._factor = key, HeldRows(self, conditions), None
-        return self._rows
+            self._factor = self._factorize(conditions, self._rows)
+        return self._rows, self._factor
 
     def _factorize(self, conditions: Conditions, rows: HeldRows) -> DenseFactors:
         free = rows.free

@@ -9,6 +9,7 @@ forces, without solving either.
 
 from __future__ import annotations
 
+from dataclasses import KW_ONLY
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from scipy.sparse import csr_matrix, diags, issparse
 from skfem_contact.answers.answer import Answer, fluid_beyond
 from skfem_contact.answers.tangent.rates import Maps, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values
-from skfem_contact.arguments import known_keywords, numbers, shown
+from skfem_contact.arguments import numbers, shown, with_known_keywords
 from skfem_contact.arrays import Array
 from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.bodies.member import Member
@@ -26,7 +27,7 @@ from skfem_contact.conditions.friction import Coulomb, Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.state import transport
 from skfem_contact.errors import InputError
-from skfem_contact.records import copied
+from skfem_contact.records import copied, dataclass
 
 #: What changes loads of bodies, so that derivatives by these are needed inside; then what does not.
 LOADS = "stiffness", "load", "displacement", "scene"
@@ -39,6 +40,8 @@ FIELD = "field"
 KINDS = "friction", *LOADS, *GAPS, "motion", *BOLTS
 
 
+@with_known_keywords()
+@dataclass(eq=False, repr=False)
 class Parameter:
     r"""A parameter by which answers are differentiated: one number, or a field of them.
 
@@ -86,30 +89,27 @@ class Parameter:
     Parameter('interference', of='joint', field=True, each_step=True)
     """
 
-    @known_keywords()
-    def __init__(
-        self,
-        kind: str,
-        of: Member | Contact | str | None = None,
-        *,
-        along: Any = None,
-        field: bool = False,
-        each_step: bool = False,
-        between: tuple[Any, Any, float] | None = None,
-    ) -> None:
+    kind: str
+    of: Member | Contact | str | None = None
+    _: KW_ONLY
+    along: Any = None
+    field: bool = False
+    each_step: bool = False
+    between: tuple[Any, Any, float] | None = None
+
+    def __post_init__(self) -> None:
+        kind, field = self.kind, self.field
         if kind not in KINDS:
             raise InputError(f"a parameter is {shown(kind)}; it may be one of {', '.join(KINDS)}.")
-        if (kind == "scene") != (between is not None):
+        if (kind == "scene") != (self.between is not None):
             raise InputError("between=(solver, solver, width) belongs to 'scene', and is needed there")
-        if field and (along is not None or kind in ("stiffness", "scene", *BOLTS)):
+        if field and (self.along is not None or kind in ("stiffness", "scene", *BOLTS)):
             raise InputError(
                 f"Parameter({kind!r}, field=True): a field has a value for every point or DOF, so it "
                 "has no `along`; a stiffness, scene or bolt has none: give them one by one."
             )
-        if kind == "motion" and along is None and not field:
+        if kind == "motion" and self.along is None and not field:
             raise InputError("Parameter('motion'): give the direction, along=(1.0, 0.0)")
-        self.kind, self.of, self.along = kind, of, along
-        self.field, self.each_step, self.between = field, each_step, between
 
     def __repr__(self) -> str:
         said = [repr(self.kind)]
@@ -151,9 +151,7 @@ def change(by: Parameter, tangent: Tangent) -> Values:
     whole = by.along is None or (by.kind == "stiffness" and issparse(by.along))
     for _, at in places:
         p[at] = 1.0 if whole else _field(by, p[at])
-    values = {FIELD: p}
-    take(_maps(by, tangent, places), values)
-    return values
+    return take(_maps(by, tangent, places), {FIELD: p})
 
 
 def contracted(by: Parameter, tangent: Tangent, duals: Values) -> Any:
@@ -164,11 +162,10 @@ def contracted(by: Parameter, tangent: Tangent, duals: Values) -> Any:
     if not by.field:
         found = change(by, tangent)
         return sum(float(np.vdot(own, duals[name])) for name, own in found.items() if name in duals)
-    places, duals = _places(by, tangent.answer), dict(duals)
+    places = _places(by, tangent.answer)
     if len(places) != 1:
         raise InputError(f"{by!r}: a field is of one body or contact; name it, of=...")
-    take(_maps(by, tangent, places), duals, back=True)
-    own = duals[FIELD][places[0][1]]
+    own = take(_maps(by, tangent, places), dict(duals), back=True)[FIELD][places[0][1]]
     return own.sum(axis=0) if by.kind == "motion" else own.ravel()
 
 
@@ -176,7 +173,6 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
     """What the values of a parameter at each point or DOF change, which are zero at other places."""
     answer, bolts, kind = tangent.answer, tangent.bolts, by.kind
     case, system, kin = answer.case, answer.system, answer.kin
-    own: Array
     if bolts is not None and kind in BOLTS:
         given = tangent.tightened if kind == "bolt_force" else ~tangent.tightened & ~tangent.locked
         return [("drive", FIELD, given / np.where(tangent.tightened, bolts.k, 1.0))]
@@ -198,9 +194,9 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
         load = kind == "load"
         # of a body in a step over those that a user gives; or of all, with what fluids have by now
         factor, units = case.scale[not load], system.units * np.ones(1)
-        own = (1.0 / units if load else units) * (1.0 if factor is None else factor)
+        each = (1.0 / units if load else units) * (1.0 if factor is None else factor)
         if by.field or by.along is not None:
-            return [("f" if load else "x", FIELD, own)]
+            return [("f" if load else "x", FIELD, each)]
         if not load:
             return [("x", FIELD, case.x)]
         maps: Maps = [("f", FIELD, case.applied + (answer.load - case.f))]
@@ -218,7 +214,7 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
         return [("gap0", FIELD, own * kin.normal[:, None]), ("slip0", FIELD, own * kin.axes)]
     own = np.where(kin.paired, 1.0, 0.0)[:, None]
     rows = own if kin.gap_weights is None else diags(own[:, 0]) @ kin.gap_weights
-    return [("given", FIELD, np.array([1.0 if kind == "gap" else -1.0])), ("gap0", "given", rows)]
+    return [("given", FIELD, 1.0 if kind == "gap" else -1.0), ("gap0", "given", rows)]
 
 
 def _by_coefficient(tangent: Tangent, i: int, part: slice) -> Array:
@@ -227,14 +223,14 @@ def _by_coefficient(tangent: Tangent, i: int, part: slice) -> Array:
     law, area = answer.contacts[i].friction, answer.local.area[part]
     force = np.maximum(answer.local.normal_force[part], 0.0)
     if type(law) is Tresca:
-        return np.where(closed, area, 0.0)
+        return closed * area
     if type(law) is not Coulomb:
         raise InputError(
             f"contact {answer.names[i]!r} has the law {type(law).__name__}, which has no single "
             "coefficient. Use Parameter('scene', between=(...)), two solvers whose laws differ."
         )
     free = law.mu * force + law.cohesion * area < law.tau_max * np.maximum(area, 0.0)
-    return np.where((free | np.isinf(law.tau_max)) & closed, force, 0.0)
+    return (free | np.isinf(law.tau_max)) * closed * force
 
 
 def _between(by: Parameter, tangent: Tangent) -> Values:
@@ -255,8 +251,7 @@ def _between(by: Parameter, tangent: Tangent) -> Values:
         )
     less, more = (_in_scene(solver, tangent) for solver in ends)
     found = {name: (more[name] - less[name]) / width for name in less}
-    take(_eased(tangent), found)
-    return found
+    return take(_eased(tangent), found)
 
 
 def _in_scene(solver: Any, tangent: Tangent) -> Values:
@@ -305,7 +300,7 @@ def _borne(body: Member, K: csr_matrix, u: Array) -> Array:
 
 def _eased(tangent: Tangent) -> Maps:
     """Changes of loads, and of stretch and force of bolts, from those of what all bodies bear, (n,)."""
-    maps: Maps = [("f", "borne", -np.ones(1))]
+    maps: Maps = [("f", "borne", -1.0)]
     if (bolts := tangent.bolts) is not None:
         maps += [("tension", "borne", bolts.slides), _drive(tangent, bolts)]
     return maps
@@ -340,9 +335,8 @@ def _places(by: Parameter, answer: Answer) -> Places:
     elif (number := number_of(by.of, contacts)) is not None:
         some = [number]
     else:
-        tools = tuple(c.primary.name if motion and c.rigid else None for c in contacts)
-        known: tuple[str | None, ...] = names if by.of in names else tools
-        some = [i for i, name in enumerate(known) if name == by.of]
+        known = [c.primary.name if motion and c.rigid else None for c in contacts]
+        some = [i for i, own in enumerate(names if by.of in names else known) if own == by.of]
         if not some:
             words = ", ".join(map(repr, names))
             raise InputError(f"{by!r}: there is no such contact; there are {words}.")

@@ -9,8 +9,7 @@ number of values.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -18,7 +17,7 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.tangent.changes import LOADS, Parameter, change, contracted, parameters
-from skfem_contact.answers.tangent.rates import Maps, Rates, Verge, backward, check_lost, take
+from skfem_contact.answers.tangent.rates import Maps, Rates, Verge, backward, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values, add
 from skfem_contact.arguments import numbers, shown
 from skfem_contact.arrays import Array, Index
@@ -92,11 +91,9 @@ class Sensitivity:
     @property
     def bolts(self) -> dict[str, BoltRates]:
         """The derivatives of the forces and stretches of bolts, by name."""
-        rates, names = self._rates, self._answer.bolt_names
-        if not names:
-            return {}
-        known = self._sign * np.column_stack([rates.values["tension"], rates.values["stretch"]])
-        return {name: BoltRates(*own) for name, own in zip(names, known.tolist(), strict=True)}
+        values, names = self._rates.values, self._answer.bolt_names
+        known = [(self._sign * values[name]).tolist() for name in ("tension", "stretch") if names]
+        return {name: BoltRates(*own) for name, *own in zip(names, *known, strict=True)}
 
     def displacement(self, body: Any) -> Array:
         """Return the derivatives of the displacements of one body, shape (n_body,)."""
@@ -112,16 +109,10 @@ class Sensitivity:
         contact : str, optional
             Its name; not needed where there is one, nor for the energy that all of them lose.
         """
-        maps, at = _quantity(self._answer, quantity, contact)
-        if quantity == "dissipation":
-            check_lost(self._rates.tangent)
-        values = dict(self._rates.values)
-        take(maps, values)
-        found = self._sign * values[ASKED][at]
+        maps, at, shape = _quantity(self._answer, quantity, contact)
+        found = self._sign * take(maps, dict(self._rates.values))[ASKED][at]
         found = found.sum(axis=0) if quantity in SUMS else found
-        if quantity in ("slip", "tangential_force", "force"):
-            return found
-        return found[..., 0] if found.ndim > 1 else float(found[0])
+        return found.reshape(shape) if shape else float(found[0])
 
     gap: Array = _its("gap", "The derivatives of the gaps of the only contact, (m,).")
     normal_force: Array = _its("normal_force", "The derivatives of the normal forces, (m,).")
@@ -143,7 +134,7 @@ def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int)
         raise InputError(f"side = {shown(side)}; it may be 1, -1, or 0 for the statuses that hold")
     if after is not None and (repr(after.by), after.side) != (repr(by), side):
         raise InputError(f"after is by {after.by!r}, side {after.side}; here by {by!r}, side {side}")
-    found, last = change(by, tangent), {} if after is None else after._rates.handed_on
+    found, last = change(by, tangent), {} if after is None else after._rates.values
     if side < 0:
         found = {name: -own for name, own in found.items()}
     at_kink = side and len(tangent.kinks)
@@ -156,7 +147,7 @@ def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int)
 #: Solves the load steps, for results; and finds the displacements of all of them at once.
 History = Callable[[], Iterable[Any]]
 Recover = Callable[[list[Any]], Any]
-#: What a user asks of the results: a value, and its derivatives by each.
+#: What a user asks of the results: a value, or several, and derivatives by each result.
 Asked = Callable[[list[Any]], Any]
 
 
@@ -246,13 +237,12 @@ class Jacobian:
         return " ".join(said)
 
 
-@contextmanager
 def _linearised(
-    history: History, asked: Asked, by: tuple[Parameter, ...], recover: Recover, what: str
-) -> Iterator[tuple[list[Any], list[Tangent], Any, list[Any]]]:
+    history: History, asked: Asked, by: tuple[Parameter, ...], recover: Recover, work: Workspace
+) -> tuple[list[Any], list[Tangent], Any, list[Any]]:
     """A history, its tangents, a user's value of it, and the derivatives of that by each result.
 
-    The tangents have borrowed the memory of the load steps, and give it back at the end.
+    The tangents borrow the memory of the load steps for as long as `work` is open.
     """
     results = list(history())
     if not results:
@@ -263,36 +253,36 @@ def _linearised(
         begin, state = after.before, answer.state
         if begin is not None and begin.status is state.status and after.kin is answer.kin:
             vars(answer)["local"] = begin
-    with Workspace() as work:
-        tangents = [Tangent(answer, work) for answer in answers]
-        if any(p.kind in ("stiffness", "scene") for p in by):
-            recover(results)
-        given = asked(results)
-        try:
-            value, derivatives = given
-            derivatives = list(derivatives)
-        except (TypeError, ValueError):
-            raise InputError(
-                f"{what} returned {shown(given)}; it has to return (value, derivatives), these a list "
-                "with a dict for each result, None where it does not depend on it"
-            ) from None
-        if len(derivatives) != len(results):
-            raise InputError(
-                f"{what} returned {len(derivatives)} derivatives for {len(results)} results: give one "
-                "dict for each result, in the order of the steps, None where nothing depends on it"
-            )
-        yield results, tangents, value, derivatives
+    tangents = [Tangent(answer, work) for answer in answers]
+    if any(p.kind in ("stiffness", "scene") for p in by):
+        recover(results)
+    given = asked(results)
+    try:
+        value, derivatives = given
+        derivatives = [{} if own is None else own for own in derivatives]
+    except (TypeError, ValueError):
+        raise InputError(
+            f"the function gave {shown(given)}; it has to return (value, derivatives), these a list "
+            "with a dict for each result, None where it does not depend on it"
+        ) from None
+    if len(derivatives) != len(results):
+        raise InputError(
+            f"the function gave {len(derivatives)} derivatives for {len(results)} results: give one "
+            "dict for each result, in the order of the steps, None where nothing depends on it"
+        )
+    return results, tangents, value, derivatives
 
 
 def gradient(history: History, objective: Asked, by: Any, recover: Recover) -> Gradient:
     """See `ContactSolver.gradient`."""
     by = parameters(by, many=True)
     loads, parts, after = any(p.kind in LOADS for p in by), list[list[Any]](), Values()
-    linearised = _linearised(history, objective, by, recover, "the objective")
-    with linearised as (results, tangents, value, given), single_threaded:
-        for tangent, own in zip(reversed(tangents), reversed(given), strict=True):
-            duals, after = backward(tangent, weights_of(tangent.answer, own), after, loads)
-            parts.insert(0, [contracted(p, tangent, duals) for p in by])
+    with Workspace() as work:
+        results, tangents, value, given = _linearised(history, objective, by, recover, work)
+        with single_threaded:
+            for tangent, own in zip(reversed(tangents), reversed(given), strict=True):
+                duals, after = backward(tangent, weights_of(tangent.answer, own), after, loads)
+                parts.insert(0, [contracted(p, tangent, duals) for p in by])
     each = zip(by, zip(*parts, strict=True), strict=True)
     found = [np.array(own) if p.each_step else sum(own) for p, own in each]
     return Gradient(float(value), by, found, results)
@@ -301,8 +291,8 @@ def gradient(history: History, objective: Asked, by: Any, recover: Recover) -> G
 def jacobian(history: History, observe: Asked, by: Any, side: int, recover: Recover) -> Jacobian:
     """See `ContactSolver.jacobian`."""
     by = parameters(by, many=False)
-    linearised = _linearised(history, observe, by, recover, "observe")
-    with linearised as (results, tangents, values, given):
+    with Workspace() as work:
+        results, tangents, values, given = _linearised(history, observe, by, recover, work)
         values = numbers(values, "values of observe", "give a vector")
         matrix, rows = np.zeros((len(values), len(by))), [_rows(own, len(values)) for own in given]
         for j, p in enumerate(by):
@@ -316,7 +306,6 @@ def jacobian(history: History, observe: Asked, by: Any, side: int, recover: Reco
 
 def _rows(given: Any, count: int) -> list[tuple[int, Any]]:
     """The values that depend on a result, each with its derivatives."""
-    given = {} if given is None else given
     if not isinstance(given, dict) or not all(key in range(count) for key in given):
         raise InputError(
             f"derivatives of observe are {shown(given)}; give for each result a dict by the number of "
@@ -328,8 +317,8 @@ def _rows(given: Any, count: int) -> list[tuple[int, Any]]:
 # -- quantities -----------------------------------------------------------------------------------
 
 
-def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At]:
-    """A quantity of a contact as maps of values at points, and which points have it.
+def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At, tuple[int, ...]]:
+    """A quantity of a contact as maps of values at points, which points have it, and its shape.
 
     Of a resultant each point has its share.
     """
@@ -344,37 +333,41 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At]:
     i, kin, local = answer.names.index(contact or answer.names[0]), answer.kin, answer.local
     part = answer.model.interface.point_slices[i]
     heir: At = kin.heir[part] if kin.inherits else part
+    m, t, d = part.stop - part.start, kin.tangents, kin.normal.shape[1]
     if what == "dissipation":
-        return [(ASKED, "lost", np.ones((1, 1)))], slice(None) if contact is None else part
-    normal_force = local.normal_force[:, None]
+        if not all(law.steady for _, law in answer.model.interface.laws):
+            raise InputError(
+                "the energy that friction takes has derivatives with Coulomb, OrthotropicCoulomb and "
+                "Tresca: bounds of other laws may change with the slip. Leave dissipation out of it."
+            )
+        return [(ASKED, "lost", 1.0)], slice(None) if contact is None else part, ()
     if what in ("gap", "normal_force"):
-        return [(ASKED, what, np.ones((1, 1)))], heir if what == "gap" else part
+        return [(ASKED, what, 1.0)], heir if what == "gap" else part, (m,)
+    normal_force = local.normal_force[:, None]
+    maps: Maps
     if what == "pressure":
         per = kin.per_area[:, None]
-        return [(ASKED, "normal_force", per), (ASKED, "area", -(per**2) * normal_force)], heir
+        maps = [(ASKED, "normal_force", per), (ASKED, "area", -(per**2) * normal_force)]
+        return maps, heir, (m,)
     if what == "slip":
         if not answer.model.interface.slipping[part].any():
             raise InputError(
                 f"slip of contact {answer.names[i]!r}: without friction nothing tangential is solved "
                 "for, and its slip is no unknown. Take the displacements of the bodies."
             )
-        return [(ASKED, "slipped", _along_tangents(kin, kin.duals))], heir
+        return [(ASKED, "slipped", _along_tangents(kin, kin.duals))], heir, (m, t)
     if what == "tangential_force":
-        return [(ASKED, "friction", -_along_tangents(kin, kin.axes))], part
-    unit = np.eye(kin.normal.shape[1])
-    by_axes = -np.einsum("it,de->idte", local.tangential_force, unit)
-    return [  # force = sum of lambda n - tau . axes
-        (ASKED, "normal_force", kin.normal[:, :, None]),
-        (ASKED, "friction", -kin.axes.swapaxes(1, 2)),
-        (ASKED, "normal", normal_force),
-        (ASKED, "axes", by_axes.reshape(kin.m, len(unit), -1)),
-    ], part
+        return [(ASKED, "friction", -_along_tangents(kin, kin.axes))], part, (m, t)
+    by_axes = -np.einsum("it,de->idte", local.tangential_force, np.eye(d)).reshape(kin.m, d, -1)
+    maps = [(ASKED, "normal_force", kin.normal[:, :, None]), (ASKED, "normal", normal_force)]
+    maps += [(ASKED, "friction", -kin.axes.swapaxes(1, 2)), (ASKED, "axes", by_axes)]
+    return maps, part, (d,)  # force = sum of lambda n - tau . axes
 
 
-def _along_tangents(kin: Kinematics, basis: Array) -> Array:
+def _along_tangents(kin: Kinematics, basis: Array) -> Any:
     """Components along unit tangents from those along a basis, (m, d-1, d-1), or one number."""
     if kin.scaled is None:
-        return np.ones((1, 1))
+        return 1.0
     return np.asarray(np.einsum("ikd,ild->ilk", basis, kin.tangent))
 
 
@@ -391,27 +384,20 @@ def weights_of(answer: Answer, given: Any) -> Values:
     for key, value in given.items():
         named = key in answer.names and isinstance(value, Mapping)
         for what, own in value.items() if named else [(key, value)]:
-            _add(found, answer, what, key if named else None, own)
+            if not named and what in ELSEWHERE:
+                ELSEWHERE[what](found, answer, own)
+                continue
+            maps, at, shape = _quantity(answer, what, key if named else None)
+            own = _shaped(own, shape, what)
+            own = own if what in SUMS else own.reshape(shape[0], -1)
+            found[ASKED] = np.zeros((answer.kin.m, own.shape[-1] if own.shape else 1))
+            if isinstance(at, slice):
+                found[ASKED][at] = own
+            else:
+                np.add.at(found[ASKED], at, own)
+            take(maps, found, back=True)
+            del found[ASKED]
     return found
-
-
-def _add(found: Values, answer: Answer, what: str, contact: str | None, value: Any) -> None:
-    """Add the derivatives by one quantity."""
-    if contact is None and what in ELSEWHERE:
-        ELSEWHERE[what](found, answer, value)
-        return
-    maps, at = _quantity(answer, what, contact)
-    m, d, t = len(answer.kin.heir[at]), answer.kin.normal.shape[1], answer.kin.tangents
-    shapes = {"slip": (m, t), "tangential_force": (m, t), "force": (d,), "dissipation": ()}
-    own = _shaped(value, shapes.get(what, (m,)), what)
-    own = (np.broadcast_to(own, (m, *own.shape)) if what in SUMS else own).reshape(m, -1)
-    found[ASKED] = np.zeros((answer.kin.m, own.shape[1]))
-    if isinstance(at, slice):
-        found[ASKED][at] = own
-    else:
-        np.add.at(found[ASKED], at, own)
-    take(maps, found, back=True)
-    del found[ASKED]
 
 
 def _by_bolts(found: Values, answer: Answer, given: Any) -> None:

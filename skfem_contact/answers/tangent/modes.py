@@ -143,21 +143,17 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
     count = len(trial.independent)
     if n > count:
         raise InputError(f"n = {n} modes of {count} DOFs that are free to move")
-    K_r, M_r, placed = trial.T.T @ K @ trial.T, trial.T.T @ M @ trial.T, answer.placed
+    rims = None if answer.placed is None else answer.placed.rims
+    symmetric, K = test is trial and rims is None, K if rims is None else K - rims
+    K_r, M_r = test.T.T @ K @ trial.T, test.T.T @ M @ trial.T
     heavy = M_r.diagonal().sum()
     if not heavy > 0:
         raise InputError(MASSLESS)
     shift = float(K_r.diagonal().sum() / heavy) / count
-    rims = None if placed is None else placed.rims
-    symmetric = test is trial and rims is None
-    if not symmetric:
-        K = K if rims is None else K - rims
-        K_r, M_r = test.T.T @ K @ trial.T, test.T.T @ M @ trial.T
     points = np.concatenate([body.dof_points for body in system.bodies])[trial.independent]
     try:
         with single_threaded:
             squares, found = _nearest(K_r, M_r, shift, n, points if symmetric else None)
-        _check(K_r, M_r, squares, found, shift)
     except (ArpackError, SingularMatrix) as error:
         raise InputError(f"{MASSLESS} ({error})") from None
     # rigid motions are found to round-off of the shift
@@ -168,21 +164,6 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
     whole, turns = np.asarray(trial.T @ found[:, order]).T, turns[order]
     growth = np.where(np.abs(turns.real) > least, turns.real, 0.0)
     return Modes(np.abs(turns.imag) / (2 * np.pi), growth, _sized(whole, M, system), slipping, system)
-
-
-def _check(K: csr_matrix, M: csr_matrix, squares: Array, found: Array, shift: float) -> None:
-    """Refuse what a singular mass makes of modes: vectors that solve nothing.
-
-    Raises
-    ------
-    InputError
-    """
-    resisted, moved = (np.einsum("ij,ij->j", found.conj(), A @ found) for A in (K, M))
-    with np.errstate(invalid="ignore"):
-        left = np.abs(resisted - squares * moved)
-        good = left <= SOLVED * (np.abs(resisted) + shift * np.abs(moved))
-    if not np.all(good & (moved.real > 0)):
-        raise InputError(MASSLESS)
 
 
 def mass(system: System) -> csr_matrix:
@@ -206,28 +187,36 @@ def _nearest(
 
     Of a symmetric pencil, whose DOFs are at `points`; or of any, and one more then, as conjugates come
     in pairs.
+
+    Raises
+    ------
+    InputError
+        The mass is singular, or not positive.
     """
-    if points is not None:
-        factor = Direct().factorize(csr_matrix(K + shift * M), points=points)
-    else:
-        factor = Direct().factorize(csc_matrix(K + shift * M), spd=False)
+    factor = Direct().factorize(csc_matrix(K + shift * M), points=points, spd=points is not None)
     heavy = np.flatnonzero(abs(M).sum(axis=0))
     if len(heavy) <= max(20, 2 * n + 2):  # what ARPACK takes as its own space
         moved = factor.solve(M[:, heavy].toarray())
         found, vectors = eig(moved[heavy])
         some = np.argsort(-np.abs(found))[: n + 1]
         some = some[np.abs(found[some]) > COMPUTED * np.abs(found[some[0]])]
-        found, vectors = found[some], moved @ (vectors[:, some] / found[some])
+        squares, vectors = 1.0 / found[some] - shift, moved @ (vectors[:, some] / found[some])
     elif points is not None:
         inverse = LinearOperator(K.shape, factor.solve, dtype=float)
         start = M @ np.ones(len(points))
-        return eigsh(K, n, M, -shift, which="LM", OPinv=inverse, v0=start)
+        squares, vectors = eigsh(K, n, M, -shift, which="LM", OPinv=inverse, v0=start)
     else:
         operator = LinearOperator(K.shape, lambda v: factor.solve(M @ v), dtype=float)
         found, vectors = eigs(operator, n + 1, v0=np.ones(K.shape[0]))
-    if len(found) < n:
+        squares = 1.0 / found - shift
+    # a singular mass makes vectors that solve nothing
+    resisted, moved = (np.einsum("ij,ij->j", vectors.conj(), A @ vectors) for A in (K, M))
+    with np.errstate(invalid="ignore"):
+        left = np.abs(resisted - squares * moved)
+        good = left <= SOLVED * (np.abs(resisted) + shift * np.abs(moved))
+    if len(squares) < n or not np.all(good & (moved.real > 0)):
         raise InputError(MASSLESS)
-    return 1.0 / found - shift, vectors
+    return squares, vectors
 
 
 def _sized(shapes: NDArray[Any], M: csr_matrix, system: System) -> NDArray[Any]:
@@ -326,16 +315,22 @@ class Damping:
 
 
 def damping(
-    solver: Any,
-    result: ContactResult,
-    modes: Modes,
-    amplitudes: ArrayLike,
-    i: int,
-    steps: int,
-    cycles: int,
+    solver: Any, result: ContactResult, modes: Modes, wanted: ArrayLike, i: int, steps: int, cycles: int
 ) -> Damping:
     """See `ContactSolver.damping`."""
-    asked = _checked(modes, amplitudes, i, result)
+    check_kind(result, ContactResult, "result", "give one of solve() or history()")
+    check_kind(modes, Modes, "modes", "give what modes(result) found")
+    whole_number(i, "mode", 0, len(modes.frequency) - 1)
+    if modes.shapes.shape[1] != answer_of(result).system.n:
+        raise InputError("modes are those of other bodies: give modes of this result")
+    if np.iscomplexobj(modes.shapes[i]) or modes.growth[i] or not modes.frequency[i]:
+        raise InputError(
+            f"mode {i} is a rigid motion, grows, or is complex: it has no force that brings it back. "
+            "Take another one; of slipping='stuck' or 'free' none is complex."
+        )
+    asked = np.atleast_1d(numbers(wanted, "amplitudes", "give a list of lengths"))
+    if asked.ndim != 1 or not len(asked) or not np.all(np.isfinite(asked) & (asked > 0)):
+        raise InputError(f"amplitudes = {shown(wanted)}; give a list of lengths above zero")
     whole_number(steps, "steps", 2)
     whole_number(cycles, "cycles", 1)
     system, linear = answer_of(result).system, float(modes.frequency[i])
@@ -361,27 +356,10 @@ def damping(
     frequency = np.sqrt(peak / (m * amplitude)) / (2 * np.pi)
     ratio = energy / (2 * np.pi * peak * amplitude)
     lost = np.array([sum(r.dissipation for r in own) for own in last])
-    tight = {name: [own[-1].bolts[name].force for own in last] for name in result.bolts}
-    bolts = {name: np.array(own) - result.bolts[name].force for name, own in tight.items()}
+    tight = [[own[-1].bolts[name].force - b.force for own in last] for name, b in result.bolts.items()]
+    bolts = dict(zip(result.bolts, np.array(tight), strict=True))
     ends = energy, ratio, masing, lost, np.array(count), np.array(closed)
     return Damping(linear, amplitude, frequency, *ends, loops, first, bolts)
-
-
-def _checked(modes: Modes, amplitudes: ArrayLike, i: int, result: ContactResult) -> Array:
-    check_kind(result, ContactResult, "result", "give one of solve() or history()")
-    check_kind(modes, Modes, "modes", "give what modes(result) found")
-    whole_number(i, "mode", 0, len(modes.frequency) - 1)
-    if modes.shapes.shape[1] != answer_of(result).system.n:
-        raise InputError("modes are those of other bodies: give modes of this result")
-    if np.iscomplexobj(modes.shapes[i]) or modes.growth[i] or not modes.frequency[i]:
-        raise InputError(
-            f"mode {i} is a rigid motion, grows, or is complex: it has no force that brings it back. "
-            "Take another one; of slipping='stuck' or 'free' none is complex."
-        )
-    asked = np.atleast_1d(numbers(amplitudes, "amplitudes", "give a list of lengths"))
-    if asked.ndim != 1 or not len(asked) or not np.all(np.isfinite(asked) & (asked > 0)):
-        raise InputError(f"amplitudes = {shown(amplitudes)}; give a list of lengths above zero")
-    return asked
 
 
 def _cycled(

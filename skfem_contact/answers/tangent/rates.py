@@ -31,7 +31,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import block_diag, csr_matrix
+from scipy.sparse import block_diag, issparse
 
 from skfem_contact.answers.tangent.tangent import Slopes, Tangent, Values, add, mapped_slopes
 from skfem_contact.arrays import Array, lengths, size_of, unit_vectors
@@ -46,14 +46,14 @@ MOST_CHANGES = 50
 TINY = np.finfo(float).tiny
 HANDED_ON = "slip", "friction", "reference", "bound", "stretch"
 #: What is added to a name, and the name of what that is a multiple of: by a block at each point, by a
-#: number at each, or by a sparse matrix.
+#: number at each or at all, or by a sparse matrix.
 Maps = list[tuple[str, str, Any]]
 
 
 def _before(tangent: Tangent) -> Maps:
     """What conditions of a linear solve follow from: friction of the law, and what came before."""
     slopes = tangent.slopes
-    maps: Maps = [("anchor", "last slip", np.ones((1, 1))), ("offset", "mapped", slopes.by_map)]
+    maps: Maps = [("anchor", "last slip", 1.0), ("offset", "mapped", slopes.by_map)]
     if slopes.by_trial.any():
         maps.append(("offset", "last friction", slopes.by_trial))
     if not tangent.rule.steady:
@@ -61,18 +61,18 @@ def _before(tangent: Tangent) -> Maps:
         maps += [("offset", "last slip", by_slip), ("offset", "last reference", -by_slip)]
     if tangent.bolts:
         maps.append(("drive", "last stretch", 1.0 * tangent.locked))
-        maps.append(("f", "drive", csr_matrix(-tangent.bolts.pulls.T)))
+        maps.append(("f", "drive", -tangent.bolts.pulls.T))
     return maps
 
 
 def _after(tangent: Tangent, lost: bool) -> Maps:
     """What follows from gaps, slips and forces; the energy lost has the mean of two bounds."""
-    one, shut = np.ones((1, 1)), 1.0 * tangent.closed[:, None]
+    shut = 1.0 * tangent.closed[:, None]
     maps: Maps = [
         ("reference", "slip", 1.0 - shut),
         ("reference", "last reference", shut),
-        ("slipped", "slip", one),
-        ("slipped", "reference", -one),
+        ("slipped", "slip", 1.0),
+        ("slipped", "reference", -1.0),
         ("bound", "normal_force", tangent.bound_slope[:, None]),
     ]
     if lost:
@@ -84,26 +84,28 @@ def _after(tangent: Tangent, lost: bool) -> Maps:
         maps += [("lost", "slip", along), ("lost", "last slip", -along)]
         maps += [("lost", "friction", -given_back), ("lost", "last friction", given_back)]
     if tangent.bolts:  # those with a force that is given slide
-        k, each = tangent.bolts.k, np.ones(1)
-        slides = np.where(tangent.tightened, -1 / k, 0.0)
-        maps.append(("pull", "u", tangent.bolts.pulls))
-        maps += [("stretch", "drive", each), ("stretch", "pull", slides)]
-        maps += [("tension", "stretch", k), ("tension", "pull", each)]
+        k, slides = tangent.bolts.k, np.where(tangent.tightened, -1 / tangent.bolts.k, 0.0)
+        maps += [("pull", "u", tangent.bolts.pulls), ("stretch", "drive", 1.0)]
+        maps += [("stretch", "pull", slides), ("tension", "stretch", k), ("tension", "pull", 1.0)]
     return maps
 
 
-def take(maps: Maps, values: Values, back: bool = False) -> None:
-    """Take maps one after the other; or, `back`, their transposes from the last to the first."""
+def take(maps: Maps, values: Values, back: bool = False) -> Values:
+    """Take maps one after the other; or, `back`, their transposes from the last to the first.
+
+    What comes of them is added to the values, which are returned.
+    """
     for out, of, block in reversed(maps) if back else maps:
         to, by = (of, out) if back else (out, of)
         if by not in values:
             continue
-        if not isinstance(block, np.ndarray):
+        if issparse(block):
             add(values, to, (block.T if back else block) @ values[by])
-        elif block.ndim == 3:
+        elif isinstance(block, np.ndarray) and block.ndim == 3:
             add(values, to, np.einsum("ikl,ik->il" if back else "ikl,il->ik", block, values[by]))
         else:
             add(values, to, block * values[by])
+    return values
 
 
 class Rates:
@@ -115,7 +117,8 @@ class Rates:
     change : dict of ndarray
         What the number changes of the load step, see `changes.change`.
     last : dict of ndarray
-        What the answer before has `handed_on`; nothing if it does not depend on the number.
+        Values of the answer before, of which those `HANDED_ON` count; none if it does not depend on the
+        number.
 
     Attributes
     ----------
@@ -124,18 +127,13 @@ class Rates:
     """
 
     def __init__(self, tangent: Tangent, change: Values, last: Values) -> None:
-        self.tangent = tangent
-        self.values = values = change | {"last " + name: own for name, own in last.items()}
+        begun = {f"last {name}": last[name] for name in HANDED_ON if name in last}
+        self.tangent, self.values = tangent, (values := change | begun)
         take(_before(tangent), values)
         self._recover = tangent.solved(values)
         if tangent.bolts:
             values["u"] = self.u
         take(_after(tangent, True), values)
-
-    @property
-    def handed_on(self) -> Values:
-        """What the next step begins with."""
-        return {name: self.values[name] for name in HANDED_ON if name in self.values}
 
     @cached_property
     def u(self) -> Array:
@@ -164,8 +162,6 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
     duals = dict(weights)
     for name, own in after.items():
         add(duals, name, own)
-    if "lost" in duals:
-        check_lost(tangent)
     take(_after(tangent, "lost" in duals), duals, back=True)
     recover = tangent.solved(duals, back=True)
     if loads or tangent.bolts:
@@ -179,13 +175,10 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
 def _by_supports(tangent: Tangent, duals: Values) -> Array:
     """Derivatives of a number by prescribed displacements (n,), from those by all else."""
     answer, kin = tangent.answer, tangent.answer.kin
-    x = np.zeros(answer.system.n)
-    whole = kin.B_n.T @ np.where(kin.paired, duals["gap0"][:, 0], 0.0) + duals.get("u", x)
-    whole -= block_diag(answer.stiffness, format="csr") @ duals["f"]
-    if tangent.problem.slips:
-        whole += kin.B_t.T @ duals["slip0"].ravel()
-    x[answer.system.D] = whole[answer.system.D]
-    return x
+    x = duals.get("u", 0.0) - block_diag(answer.stiffness, format="csr") @ duals["f"]
+    x += kin.B_n.T @ np.where(kin.paired, duals["gap0"][:, 0], 0.0)
+    x += kin.B_t.T @ duals["slip0"].ravel()
+    return np.where(np.isin(np.arange(len(x)), answer.system.D), x, 0.0)
 
 
 class Verge:
@@ -209,7 +202,7 @@ class Verge:
                 "side: bounds of friction that change with the slip have no one-sided derivatives. "
                 "Take Coulomb, OrthotropicCoulomb or Tresca, or move the load a little off the kink."
             )
-        self.slope = tangent.rule.slope(np.maximum(local.normal_force, 0.0), local.slip)
+        self.slope = tangent.rule.slope(local.normal_force, local.slip)
         slid = tangent.slid & rubs
         self.open, self.slips = self.touches & ~tangent.closed, slid.copy()
         self.decides = rubs & ~slid  # whether it sticks
@@ -299,17 +292,3 @@ class Verge:
         turned = np.any(lengths(direction - self.direction) > SOLVED)
         self.direction = direction
         return bool(turned) or len(new) > 0
-
-
-def check_lost(tangent: Tangent) -> None:
-    """Refuse the energy lost under laws whose bounds change with the slip.
-
-    Raises
-    ------
-    InputError
-    """
-    if not tangent.rule.steady:
-        raise InputError(
-            "the energy that friction takes has derivatives with Coulomb, OrthotropicCoulomb and "
-            "Tresca: bounds of other laws may change with the slip. Leave dissipation out of it."
-        )

@@ -112,7 +112,8 @@ class Tangent:
         pressure, and makes the equations unsymmetric.
     spring : ndarray, shape (m, d-1, d-1)
         Its derivative by the slip: in space ``L / |ds| (1 - d d')``, as the direction of friction turns
-        with the slip ``ds`` of the step [force/length].
+        with the slip ``ds`` of the step; of a point that sticks with a finite stiffness that stiffness
+        [force/length].
 
     Examples
     --------
@@ -188,17 +189,10 @@ class Tangent:
         by = self.rule.mapped(trial, local.normal_force, local.slip)[2]
         # the bound of glue that is pulled stays as it is
         by = by._replace(normal_force=np.where(self.presses[:, None], by.normal_force, 0.0))
-        found = mapped_slopes(by, self.slips, self.elastic, k, np.isinf(stiffness), trial)
-        if not self.rule.steady:
-            return found
-        spring = 0.5 * (found.spring + found.spring.swapaxes(1, 2))  # round-off alone makes it odd
-        return found._replace(spring=spring)
+        return mapped_slopes(by, self.slips, self.elastic, k, np.isinf(stiffness), trial)
 
     slope = property(lambda self: self.slopes.by_normal, doc="See the class.")
-    spring = property(
-        lambda self: self.slopes.spring,
-        doc="See the class; of a point that sticks with a finite stiffness that stiffness.",
-    )
+    spring = property(lambda self: self.slopes.spring, doc="See the class.")
 
     @cached_property
     def conditions(self) -> Conditions:
@@ -227,11 +221,9 @@ class Tangent:
     @cached_property
     def margins(self) -> tuple[Array, Array]:
         """Return how far points are from opening or closing, and from sticking or slipping."""
-        local, interface = self.local, self.answer.model.interface
-        resistance, gap = self.problem.resistance, np.where(np.isfinite(local.gap), local.gap, np.inf)
-        with np.errstate(invalid="ignore"):  # a point without a partner resists nothing
-            apart = np.where(self.closed, local.normal_force, resistance.normal * gap)
-        never = interface.bilateral | (~self.closed & np.isinf(gap))
+        local, interface, resistance = self.local, self.answer.model.interface, self.problem.resistance
+        apart = np.where(self.closed, local.normal_force, self._opened)
+        never = interface.bilateral | ~(self.closed | np.isfinite(local.gap))
         along = np.sum(self.answer.plastic_slip * unit_vectors(local.tangential_force), axis=1)
         lacking = self.bound - lengths(local.tangential_force)
         slides = np.where(local.status == SLIP, resistance.tangential * along, lacking)
@@ -263,9 +255,13 @@ class Tangent:
     @cached_property
     def largest_force(self) -> float:
         """The largest force of a point; without any, what would close the largest gap [force]."""
+        return largest_force(self.local) or largest(self._opened) or 1.0
+
+    @property
+    def _opened(self) -> Array:
+        """What would close the gaps by itself, zero of points without a partner, (m,) [force]."""
         gap = np.where(np.isfinite(self.local.gap), self.local.gap, 0.0)
-        apart = np.nan_to_num(gap * self.problem.resistance.normal, posinf=0.0)
-        return largest_force(self.local) or largest(apart) or 1.0
+        return np.asarray(gap * self.problem.resistance.normal)
 
     # -- solves, through the factors that are there ---------------------------------------------
 
@@ -301,14 +297,10 @@ class Tangent:
             rims = rims.T if back else rims
             b = rims @ once(dict(values))()
             size = float(np.linalg.norm(b))
-            found = gmres(
-                lambda f: f - rims @ once({name: f})(), b, np.copy, b, COMPUTED * size, len(b)
-            )
-            if found.residual > SOLVED * size:
-                raise NotConverged(
-                    "derivatives at the free rims of what a fluid presses were not found", None
-                )
-            add(values, name, found.x)
+            own = gmres(lambda f: f - rims @ once({name: f})(), b, np.copy, b, COMPUTED * size, len(b))
+            if own.residual > SOLVED * size:
+                raise NotConverged("derivatives at free rims that a fluid presses were not found", None)
+            add(values, name, own.x)
         with single_threaded:
             return once(values)
 
@@ -332,12 +324,11 @@ class Tangent:
             given["f"] = values["u"]
             load = problem.other_load(self._case(given))
             forces, held = np.asarray(load.moved), load.prescribed
-        of = [np.ravel(values.get(name, np.zeros(m))) for name in ("gap", "normal_force")]
-        along = [values.get(name, np.zeros((m, t))) for name in ("slip", "friction")]
-        duals = Response(of[0], along[0], of[1], along[1], forces)
-        found = zone.adjoint(self.conditions, duals, key)
-        values |= found
-        return lambda: self._recovered(problem.G.T @ found["moved"] + held, self._case(given))
+        gap, normal_force = (np.ravel(values.get(k, np.zeros(m))) for k in ("gap", "normal_force"))
+        slip, friction = (values.get(name, np.zeros((m, t))) for name in ("slip", "friction"))
+        duals = Response(gap, slip, normal_force, friction, forces)
+        values |= zone.adjoint(self.conditions, duals, key)
+        return lambda: self._recovered(problem.G.T @ values["moved"] + held, self._case(given))
 
     def _case(self, given: Values) -> LoadCase:
         """Return the load case of changes of the loads f, x, and of gap0 and slip0."""
@@ -358,8 +349,7 @@ class Tangent:
         """Stiffness of all bodies with the springs of slipping points, (n, n) [force/length]."""
         stiffness = csr_matrix(block_diag(self.answer.stiffness, format="csr"))
         if self.conditions.gives:
-            B_t = self.answer.kin.B_t
-            stiffness = csr_matrix(stiffness + tangential_matrix(B_t, self.spring))
+            stiffness = csr_matrix(stiffness + tangential_matrix(self.answer.kin.B_t, self.spring))
         return stiffness if self.rims is None else csr_matrix(stiffness - self.rims)
 
     @property
@@ -371,15 +361,18 @@ class Tangent:
     def _free(self) -> tuple[AffineConstraint, AffineConstraint]:
         return left_free(self.answer, self.closed, self.stick, self.slope)
 
-    T = property(
-        lambda self: self._free[0].T,
-        doc="Rates of u that `rows` and supports leave free, ``u = T u_r``, (n, r).",
-    )
-    W = property(
-        lambda self: self._free[1].T,
-        doc="Virtual displacements on which contact forces do no work, friction included, (n, r); of "
-        "as many columns as `T`, and T itself where no friction follows the pressure.",
-    )
+    @property
+    def T(self) -> csr_matrix:
+        """Rates of u that `rows` and supports leave free, ``u = T u_r``, (n, r)."""
+        return self._free[0].T
+
+    @property
+    def W(self) -> csr_matrix:
+        """Virtual displacements on which contact forces do no work, friction included, (n, r).
+
+        Of as many columns as `T`, and T itself where no friction follows the pressure.
+        """
+        return self._free[1].T
 
     @property
     def K_r(self) -> csr_matrix:
@@ -434,16 +427,18 @@ def refuse(answer: Answer) -> None:
     model, interface = answer.model, answer.model.interface
     remembers = [getattr(body, "initial_state", None) for body in model.system.bodies]
     bare = [
-        own for _, own in interface.laws if own.by_bound and type(own.law).slope is FrictionLaw.slope
+        f"{type(own.law).__name__} of contact '{own.contact}'"
+        for _, own in interface.laws
+        if own.by_bound and type(own.law).slope is FrictionLaw.slope
     ]
     reasons = {
-        "it did not converge ({message})": not answer.converged,
+        "it did not converge ({answer.message})": not answer.converged,
         'contact slides far (sliding="finite"): how its pairing changes is not differentiated. Where '
         'slips are short, sliding="small" has derivatives': model.geometry.follows,
         "surfaces wear: the depth worn off is not differentiated. Leave wear out of the contact": (
             bool(interface.wear) or answer.state.wear.any()
         ),
-        "its load step was cut into {parts} parts, whose states are not kept. Give the history "
+        "its load step was cut into {answer.parts} parts, whose states are not kept. Give the history "
         "smaller steps": answer.parts > 1,
         "conditions of its points depend on each other, so that forces are not unique. Let contacts "
         "share no edge, and make a held tool no finer than what it presses": answer.springs,
@@ -451,13 +446,10 @@ def refuse(answer: Answer) -> None:
         "a material has internal variables, which are not differentiated": any(remembers),
         "the law {bare} has no slopes of its own, and difference quotients leave six digits. Give it "
         "slope(...), the derivative of its limit by the normal force, or a return_map(...)": bool(bare),
-        "the contact problem has no matrix on this route ({route}). Make the solver with "
+        "the contact problem has no matrix on this route ({model.route}). Make the solver with "
         'linear="condensed"': model.for_tangents is None,
     }
     for words, wrong in reasons.items():
         if wrong:  # words are put together where they are needed: a history asks at every step
-            laws = ", ".join(f"{type(own.law).__name__} of contact '{own.contact}'" for own in bare)
-            known = {"message": answer.message, "parts": answer.parts, "bare": laws}
-            raise InputError(
-                f"this result has no derivatives: {words.format(**known, route=model.route)}."
-            )
+            known = {"answer": answer, "model": model, "bare": ", ".join(bare)}
+            raise InputError(f"this result has no derivatives: {words.format(**known)}.")
