@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -587,3 +588,20 @@ def test_a_layer_that_does_not_resist_shear_is_no_limit_point() -> None:
     with pytest.raises(sc.errors.NotConverged, match="nearly singular") as failed:
         closed_gasket(1e-6)
     assert "limit point" not in str(failed.value)
+
+
+def test_a_step_says_how_far_what_yields_is_strained():
+    """Under a punch pressures stay while the block gives way: no load tells its strain."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 4, 17), np.linspace(-2, 0, 9)).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=2)
+    held = {"left": "x", "bottom": ("x", "y"), "right": "x"}
+    block = sc.NonlinearBody(basis, sc.J2(1000.0, 0.3, 1.0), D=held, name="block")
+    punch = sc.RigidPolyline([(-1, 0), (1, 0), (1, 2), (-1, 2)], closed=True, name="punch")
+    solver = sc.ContactSolver(block, sc.Contact(block.surface("top"), punch, name="foot"))
+    last, said = None, []
+    for depth in (0.01, 0.02, 0.08, 0.16):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            last = solver.solve(motion={"punch": (0, -depth)}, start=last)
+        said.append(any("is strained by" in str(w.message) for w in caught))
+    assert said == [False, False, True, False]  # once, at the first that is beyond a tenth

@@ -71,7 +71,7 @@ OF_CONTACTS = ("sliding", "overlap", "facets")
 #: approach over extent are .8 times the strain where the energy is, or more, and .9 of the turn of a
 #: cantilever; what supports and surfaces are off a rigid motion is .3 of the turn of a beam that is
 #: bent on three points.
-SUSPECTED = 0.25
+PRESSED, SUSPECTED = 0.5, 0.25
 
 ONCE = " (Said once in a history, at the first step beyond the bound; result.validity has the numbers.)"
 
@@ -255,7 +255,9 @@ class Watch:
                 size[name] = max(strain, drift.strain), max(approach, drift.approach)
         for name, (strain, approach) in size.items():
             turn, stretch = abs(known.turns.get(name, 0.0)), known.stretches.get(name, 0.0)
-            strained = max(strain, stretch) > SUSPECTED * A_TENTH
+            # where a body yields, pressures tell no strain, and measuring it costs little of a step
+            yields = self.system.solids[name].nonlinear
+            strained = yields or max(strain / PRESSED, stretch / SUSPECTED) > A_TENTH
             beyond = {
                 "strain": strained,
                 "rotation": strained or turn > SUSPECTED * A_TENTH,

@@ -516,7 +516,7 @@ def sliding_words(drift: Drift, turning: Sequence[str] = ()) -> str:
     if drift.gap_share > A_TENTH:
         found.append(
             f"gaps are wrong by up to {drift.gap_error:.3g}, {100 * drift.gap_share:.3g} % of the "
-            f"elastic approach of {drift.approach:.3g}, and forces by as much"
+            f"elastic approach of {drift.approach:.3g}, and forces by up to as much"
         )
     if drift.motion and not drift.slides_far:
         found.append(f"the obstacle has moved by {drift.motion:.3g}")
