@@ -66,7 +66,7 @@ def test_polygons_of_ever_more_edges_approach_a_circle(hollow):
 
 
 def test_partners_are_those_on_a_mesh_with_the_same_boundary():
-    """A polygon is paired as the surface of a body is, by the same search: here with the same corners."""
+    """A polygon is paired as the surface of a body is, by the same search."""
     points = np.array([(1.3, 1.0), (-1.5, 1.2), (-1.2, 0.26), (-0.3, -0.02), (0.2, 0.01), (1.1, 0.4)])
     shape = sc.RigidPolyline(points[::-1], closed=True)  # either direction will do
     points = shape.outline.points  # with those at the ends of straight edges
