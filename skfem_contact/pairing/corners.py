@@ -224,17 +224,20 @@ class CornerContacts:
         corners, met = self.other
         for k in np.argsort(met.gap, kind="stable")[::-1]:  # the deepest is written last
             corner, facet = met.corner[k], met.facet[k]
-            # the row of the end of the facet that is farther off
+            # the row of the node at the vertex, or of the end of the facet that is farther off
             nodes, N, at = self.secondary.facets[facet], met.shape[k], corners.node[[corner]]
             there, apart = int(np.argmax(N[:2])), gap[nodes[:2]]
-            deepest = met.gap[k] + GIVEN * self.secondary.lengths[facet]
-            if N[there] > 1 - GIVEN and apart[there] <= deepest:
-                vertex[nodes[there]] = at[0]  # it lies at a node, whose own row says the same
-                continue
-            host = there if apart[0] == apart[1] else int(np.argmax(apart))
-            if met.gap[k] < apart[host]:
+            host, slack = there if apart[0] == apart[1] else int(np.argmax(apart)), 0.0
+            normal = met.normal[k]
+            if N[there] > 1 - GIVEN:  # round-off chooses between the facets at a node, and no row
+                host, slack = there, GIVEN * self.secondary.lengths[facet]
+                normal = self.secondary.facet_node_normals[facet, there]
+                if self.secondary.sharp_points[nodes[there]] and apart[there] <= met.gap[k] + slack:
+                    vertex[nodes[there]] = at[0]  # a corner, whose own row says the same
+                    continue
+            if met.gap[k] < apart[host] + slack:
                 own = int(nodes[host])
-                rows[own] = Row((nodes, N), (at, np.ones(1)), -met.normal[k], corners.facet[corner])
+                rows[own] = Row((nodes, N), (at, np.ones(1)), -normal, corners.facet[corner])
                 gap[own], vertex[own] = met.gap[k], at[0]
         return _with_rows(pairing, rows, gap=gap, vertex=vertex, corners=self.names)
 
