@@ -194,7 +194,7 @@ class Options:
         With ``sliding="finite"``: how far a closed point may slide in one step, in facet lengths of
         its own surface (their mean, also where they differ); steps that exceed it are cut to the
         share that the distance tells, and substeps grow and shrink with it. ``inf`` for steps as
-        given.
+        given, as they are on a `RigidPlane`, which is the same all along the way.
 
     Examples
     --------
