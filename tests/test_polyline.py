@@ -168,8 +168,12 @@ def star(seed):
     """A random star that just touches the top of a block, as a rigid mesh and as a polyline."""
     rng = np.random.default_rng(seed)
     k = int(rng.integers(4, 12))
-    angle = 2 * np.pi * (np.arange(k) + rng.uniform(0.0, 0.8, k)) / k
-    points = rng.uniform(0.25, 0.5, k)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    turn = np.array([30.0])
+    while np.any((turn > 22) & (turn < 46)):  # there only an outline has corners, and no mesh
+        angle = 2 * np.pi * (np.arange(k) + rng.uniform(0.0, 0.8, k)) / k
+        points = rng.uniform(0.25, 0.5, k)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        along = np.array([1, 1j]) @ (np.roll(points, -1, axis=0) - points).T
+        turn = np.degrees(np.abs(np.angle(np.roll(along, -1) / along)))
     centre = np.array([rng.uniform(-0.2, 0.2), rng.uniform(-0.003, -0.001) - points[:, 1].min()])
     rigid = sc.RigidPolyline(points + centre, closed=True, name="die")
     points = rigid.outline.points
