@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.sparse import block_diag, csr_matrix
@@ -36,9 +36,6 @@ from skfem_contact.loops.step import Record
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.points import Conditions
 from skfem_contact.records import copied, dataclass, once, seal, sealed
-
-if TYPE_CHECKING:
-    from skfem_contact.problem.model import LinearModel
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,7 +46,7 @@ from skfem_contact.conditions.kinematics import (
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN, LoadCase, LocalState, Motion, transport
-from skfem_contact.obstacles.obstacle import spin
+from skfem_contact.obstacles.obstacle import Obstacle, spin
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.pairing.node import Pairing
 
@@ -79,6 +79,8 @@ class Geometry:
         counts = [part.m for part in self._first]
         self.finite = np.repeat([contact.sliding == "finite" for contact in contacts], counts)
         self.follows = bool(self.finite.any())  # whether any contact slides far
+        # points that meet something else where they slide to: a plane is the same all along the way
+        self.changing = self.finite & ~np.repeat([_on_plane(contact) for contact in contacts], counts)
         stretches = [getattr(contact.secondary.body, "finite_strain", False) for contact in contacts]
         self.stretches = self.finite & np.repeat(stretches, counts)  # points whose areas change
         self.surface_dofs = surface_dofs(system, contacts)
@@ -307,6 +309,12 @@ class Geometry:
             moved = moved + _largest(kron(identity(old.m), np.ones((1, old.tangents))) @ rows)
         moved = moved / scale
         return int(np.argmax(np.maximum(wrong, moved)))
+
+
+def _on_plane(contact: Contact) -> bool:
+    """Whether a contact is with a plane that no rigid body carries."""
+    bend = contact.primary.bend if isinstance(contact.primary, Obstacle) else None
+    return bend is not None and not bend.any() and contact.rigid_body is None
 
 
 def _wrong_gaps(kin: Kinematics, closed: Mask) -> Array:

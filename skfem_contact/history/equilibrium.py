@@ -348,9 +348,11 @@ class EquilibriumSearch:
 
         Not where bodies move on under less than the load: it drives what is free.
         """
-        model = self.stepper.model
-        if not model.geometry.follows:  # other points may meet
-            self.refuted = escape(model.motions, model.interface, model.kin.paired, self.step.target.f)
+        model, case = self.stepper.model, self.step.target
+        geometry, kin = model.geometry, model.kin
+        if not geometry.changing.any():  # else other points may meet
+            kin = geometry.at(np.zeros(model.system.n), case) if geometry.follows else kin
+            self.refuted = escape(model.motions.seen_by(kin), model.interface, kin.paired, case.f)
         if self.refuted is not None:
             return True
         if failed.at_limit:

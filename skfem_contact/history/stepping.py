@@ -39,7 +39,6 @@ from skfem_contact.history.stepper import RAN_AWAY, Stepper
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.starts import REGULARISED
 from skfem_contact.loops.step import Record
-from skfem_contact.obstacles.obstacle import Obstacle
 from skfem_contact.records import dataclass
 
 # A step that fails is halved, and after a success the next part is twice as large: what one cut too
@@ -330,13 +329,10 @@ def travelled(by: Stepper, attempt: Attempt) -> Attempt:
     """Measure how far points slid, over what is allowed; refuse what is beyond it."""
     geometry, interface = by.model.geometry, by.model.interface
     last, new = attempt.start, attempt.local
-    closed = (new.status != OPEN) & (last.status != OPEN) & geometry.finite
+    closed = (new.status != OPEN) & (last.status != OPEN) & geometry.changing
     slid = np.linalg.norm(attempt.problem.kin.slip_along(new.slip - last.slip), axis=1)
     travel, culprit = 0.0, -1
     for contact, part in zip(interface.contacts, interface.point_slices, strict=True):
-        bend = contact.primary.bend if isinstance(contact.primary, Obstacle) else None
-        if bend is not None and not bend.any() and contact.rigid_body is None:
-            continue  # a plane is the same all along the way
         way = np.where(closed[part], slid[part], 0.0)
         share = np.max(way) / (by.options.max_travel * np.mean(contact.secondary.lengths))
         if not share <= travel:  # a NaN as well

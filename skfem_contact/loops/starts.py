@@ -50,8 +50,9 @@ SOFTEST, EASED = 30.0, 4.0
 
 # Share by which forces change at most from one problem to the next before the problem itself is tried;
 # and iterations for the whole chain, which took 100 on the mean and more than this in two of those load
-# steps.
-NEAR, MOST_IN_SERIES = 0.1, 600
+# steps. Where no softness helps, nothing is to be found: without an end to it a block that slides away
+# is refused after twice as many iterations.
+NEAR, MOST_IN_SERIES, TOO_SOFT = 0.1, 600, 1e4
 
 # Friction over the normal force where bounds that jump are made to rise: pressures on the rise are a
 # thousandth of the bound, and where an answer is found from there, a hundred thousandth.
@@ -233,7 +234,7 @@ def proximal(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Outcome
     softness, eased = SOFTEST, EASED
     trace: list[Record] = []
     found = None
-    while len(trace) < MOST_IN_SERIES and softness > SOLVED:
+    while len(trace) < MOST_IN_SERIES and SOLVED < softness < TOO_SOFT:
         try:
             found = drive(newton, _in_series(step, softness, guess), guess, tolerance, IN_SERIES)
         except SingularMatrix:  # beside a law of 1e12 times their stiffness springs are round-off

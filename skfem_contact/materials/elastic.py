@@ -242,8 +242,9 @@ class OfMaterial:
 
     def on(self, measure: Measure, axisymmetric: bool) -> Any:
         """The same form of a body with this measure; as it is where the body has none."""
-        known = self._work, measure, axisymmetric, self.strains
-        return self if measure is None else type(self)(*known)
+        if measure is None:
+            return self
+        return type(self)(self._work, measure, axisymmetric, self.strains)
 
 
 class VolumeLoad(OfMaterial, LinearForm):
