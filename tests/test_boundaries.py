@@ -190,12 +190,24 @@ def test_replace_makes_bodies_of_bodies():
         sc.Body(other.basis, other.K, None, "top")
 
 
+WIDE = np.linspace(0, 100, 9)
+LAYERS = {
+    # both ends are one where elements are 50 times as wide as a layer is thick
+    "both": ((WIDE, WIDE, [-0.1, 0]), r"'front' and 'back' .* share .*x\[2\], -0\.1\)"),
+    # sides of the elements behind an end are as near to it as that
+    "inside": (
+        (WIDE, WIDE, [-0.4, -0.2, 0]),
+        r"112 of the 208 facets .* 'front' are inside .*x\[2\], end\)",
+    ),
+}
+
+
 @pytest.mark.parametrize("use", ["D", "D by component", "f", "surface"])
-def test_names_that_both_ends_of_a_thin_layer_have_are_refused(use):
-    """scikit-fem takes both ends for one where elements are 50 times as wide as a layer is thick."""
-    wide = np.linspace(0, 100, 9)
-    mesh = fem.MeshHex.init_tensor(wide, wide, [-0.1, 0]).with_defaults()
-    assert np.array_equal(mesh.boundaries["front"], mesh.boundaries["back"])
+@pytest.mark.parametrize("which", LAYERS)
+def test_names_of_ends_that_take_more_than_the_end_are_refused(which, use):
+    """scikit-fem takes all facets within a hundredth of an element's diameter for the end."""
+    lines, words = LAYERS[which]
+    mesh = fem.MeshHex.init_tensor(*lines).with_defaults()
 
     def layer(mesh, **given):
         given = given or {"D": "left"}
@@ -209,10 +221,13 @@ def test_names_that_both_ends_of_a_thin_layer_have_are_refused(use):
         given = {"D": "front"}, {"D": {"front": "z"}}, {"f": {"front": 1.0}}
         return layer(mesh, **given[("D", "D by component", "f").index(use)])
 
-    with pytest.raises(sc.errors.InputError, match=r"'front' and 'back' .* share .*x\[2\], -0\.1\)"):
+    with pytest.raises(sc.errors.InputError, match=words):
         used(mesh)
-    ends = {"front": lambda x: np.isclose(x[2], -0.1), "back": lambda x: np.isclose(x[2], 0)}
-    used(mesh.with_boundaries(ends))
+    ends = {"front": lambda x: np.isclose(x[2], lines[2][0]), "back": lambda x: np.isclose(x[2], 0)}
+    mesh = mesh.with_boundaries(ends)
+    used(mesh)
+    if use != "surface":  # a contact needs nodes of its own
+        used(mesh.with_boundaries({"front": np.flatnonzero(mesh.f2t[1] >= 0)[:3]}))
 
 
 def test_elements_without_volume_are_named():

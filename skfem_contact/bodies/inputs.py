@@ -84,19 +84,36 @@ def facets_named(name: str, mesh: Any, what: str = "") -> Any:
             tail += " (default names need mesh.with_defaults(); joining meshes by + drops names)"
         raise InputError(f"{what}boundary {name!r} not found in the mesh{tail}")
     if name in ENDS:
-        axis = ENDS.index(name) // 2
-        low, high = ENDS[2 * axis : 2 * axis + 2]
-        both = np.intersect1d(known[low], known[high]) if low in known and high in known else ()
-        if len(both):
-            x = mesh.doflocs[axis]
-            raise InputError(
-                f"{what}boundaries {low!r} and {high!r} of the mesh share {len(both)} facets: "
-                "mesh.with_defaults() takes both ends for one where elements are far wider than the "
-                "body is thick. Name both by position: mesh.with_boundaries("
-                f"{{{low!r}: lambda x: np.isclose(x[{axis}], {x.min():g}), "
-                f"{high!r}: lambda x: np.isclose(x[{axis}], {x.max():g})}})"
-            )
+        _check_end(name, mesh, what)
     return known[name]
+
+
+def _check_end(name: str, mesh: Any, what: str) -> None:
+    """Refuse what `skfem.Mesh.with_defaults` takes for an end of the mesh besides it.
+
+    It takes all facets within a hundredth of the smallest diameter of an element: where elements are
+    thin, or coordinates were angles until the mesh was bent, that reaches those behind the end.
+    """
+    axis, known = ENDS.index(name) // 2, mesh.boundaries
+    low, high = ENDS[2 * axis : 2 * axis + 2]
+    both = np.intersect1d(known[low], known[high]) if low in known and high in known else ()
+    x, behind = mesh.doflocs[axis], mesh.f2t[1, known[name]] >= 0
+    if len(both):
+        raise InputError(
+            f"{what}boundaries {low!r} and {high!r} of the mesh share {len(both)} facets: "
+            "mesh.with_defaults() takes both ends for one where elements are far wider than the "
+            "body is thick. Name both by position: mesh.with_boundaries("
+            f"{{{low!r}: lambda x: np.isclose(x[{axis}], {x.min():g}), "
+            f"{high!r}: lambda x: np.isclose(x[{axis}], {x.max():g})}})"
+        )
+    if behind.any() and not behind.all():
+        raise InputError(
+            f"{what}{np.count_nonzero(behind)} of the {len(behind)} facets of boundary {name!r} are "
+            "inside the mesh: mesh.with_defaults() also takes facets that are nearer to the end than a "
+            "hundredth of the smallest element's diameter. Name it by position, before the mesh is "
+            f"bent: mesh.with_boundaries({{{name!r}: lambda x: np.isclose(x[{axis}], end)}}), end being "
+            "the coordinate there; or, of facets inside that are meant, by a name of your own"
+        )
 
 
 def check_basis(basis: Any, whose: str) -> None:

@@ -240,7 +240,7 @@ def kinematics(
     law = contact.friction
     if isinstance(law, OrthotropicCoulomb):
         tangent = material_frame(law, pairing, contact.label)
-        first = still[:, 0] | slips[0].held(frame[:, 1], contact.tied)
+        first = still[:, 0] | slips[0].prescribed(frame[:, 1])
         A = combinations(tangent, law.ratios, pairing.tangent, first)
         axes = A @ pairing.tangent
     B_n = sides.rows(frame[:, 0], sides.held(frame[:, 0], contact.bilateral))

@@ -20,6 +20,7 @@ from skfem_contact.arrays import Array, Index, Mask, assembled, cross, entries
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
+from skfem_contact.digits import GIVEN
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.pairing.dual import MOVING_SHARE, held_rows
 from skfem_contact.pairing.node import Pairing
@@ -88,12 +89,15 @@ class Lever:
         rows: Index = np.repeat(some, self.body.n)
         return np.asarray(values[some].ravel()), rows, columns
 
+    def free(self, direction: Array) -> tuple[Array, Array]:
+        """Size of the rows along directions (m, d), of what supports leave free and of all, (m,)."""
+        size = np.abs(self.rows(direction))
+        return np.delete(size, self.body.D, axis=1).sum(axis=1), size.sum(axis=1)
+
     def holds(self, direction: Array) -> Mask:
         """Return whether its supports keep points from moving along directions (m, d), shape (m,)."""
-        size = np.abs(self.rows(direction))
-        free = np.ones(self.body.n)
-        free[self.body.D] = 0.0
-        return np.asarray(size @ free < MOVING_SHARE * size.sum(axis=1))
+        free, size = self.free(direction)
+        return np.asarray(free < MOVING_SHARE * size)
 
 
 def as_motion(system: System, body: RigidBody, u: Array) -> tuple[Array, Any, Array]:
@@ -164,6 +168,23 @@ class Sides:
         held = held_rows(self.weighed, direction)
         return held if self.lever is None else held & self.lever.holds(direction)
 
+    def prescribed(self, along: Array) -> Mask:
+        """Slips along tangents (m, d) that supports alone prescribe, shape (m,). Not of glue, as above.
+
+        Where the gap can close, friction works on what supports leave free of the slip, however little:
+        of a slope whose nodes are driven along it, uphill, that is what pushes them off.
+        """
+        held = self.held(along, self.contact.tied)
+        if not held.any():
+            return held
+        free, size = np.zeros((2, len(held))) if self.lever is None else self.lever.free(along)
+        for weights, surface, _ in self.weighed:
+            row, node, weight = entries(weights)
+            part = np.abs(weight[:, None] * along[row])
+            size = size + np.bincount(row, part.sum(axis=1), len(held))
+            free = free + np.bincount(row, (part * ~surface.held[node]).sum(axis=1), len(held))
+        return held & (self.held(self.pairing.normal, False) | (free <= GIVEN * size))
+
     def rows(self, direction: Array, held: Mask) -> csr_matrix:
         """Sum over the sides of ``sign direction . (W u_surface)``, zero where a point is not paired.
 
@@ -216,7 +237,7 @@ def tangential_rows(
     """
     blocks = []
     for own, along, at_rest in zip(sides, np.moveaxis(tangent, 1, 0), still.T, strict=True):
-        blocks.append(own.rows(along, at_rest | own.held(along, own.contact.tied)))
+        blocks.append(own.rows(along, at_rest | own.prescribed(along)))
     if not blocks:
         return csr_matrix((0, n))
     rows = _interleave(blocks)
