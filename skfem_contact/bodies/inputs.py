@@ -111,8 +111,8 @@ def _check_end(name: str, mesh: Any, what: str) -> None:
             f"{what}{np.count_nonzero(behind)} of the {len(behind)} facets of boundary {name!r} are "
             "inside the mesh: mesh.with_defaults() also takes facets that are nearer to the end than a "
             "hundredth of the smallest element's diameter. Name it by position, before the mesh is "
-            f"bent: mesh.with_boundaries({{{name!r}: lambda x: np.isclose(x[{axis}], end)}}), end being "
-            "the coordinate there; or, of facets inside that are meant, by a name of your own"
+            f"bent: mesh.with_boundaries({{{name!r}: lambda x: np.isclose(x[{axis}], end)}}), end "
+            "being the coordinate there; or, of facets inside that are meant, by a name of your own"
         )
 
 

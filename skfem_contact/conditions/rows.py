@@ -171,18 +171,19 @@ class Sides:
     def prescribed(self, along: Array) -> Mask:
         """Slips along tangents (m, d) that supports alone prescribe, shape (m,). Not of glue, as above.
 
-        Where the gap can close, friction works on what supports leave free of the slip, however little:
-        of a slope whose nodes are driven along it, uphill, that is what pushes them off.
+        Nodes that are driven along a slope are left free across their way. On a rigid obstacle friction
+        works on that part of the slip, however little: uphill it is what pushes them off. Two bodies
+        that are held alike meet on a plane of symmetry, across which there is no shear.
         """
         held = self.held(along, self.contact.tied)
-        if not held.any():
+        if not held.any() or len(self.weighed) > 1:
             return held
         free, size = np.zeros((2, len(held))) if self.lever is None else self.lever.free(along)
-        for weights, surface, _ in self.weighed:
-            row, node, weight = entries(weights)
-            part = np.abs(weight[:, None] * along[row])
-            size = size + np.bincount(row, part.sum(axis=1), len(held))
-            free = free + np.bincount(row, (part * ~surface.held[node]).sum(axis=1), len(held))
+        ((weights, surface, _),) = self.weighed
+        row, node, weight = entries(weights)
+        part = np.abs(weight[:, None] * along[row])
+        size = size + np.bincount(row, part.sum(axis=1), len(held))
+        free = free + np.bincount(row, (part * ~surface.held[node]).sum(axis=1), len(held))
         return held & (self.held(self.pairing.normal, False) | (free <= GIVEN * size))
 
     def rows(self, direction: Array, held: Mask) -> csr_matrix:

@@ -362,3 +362,44 @@ def test_a_spinning_disc_drags_the_block():
         assert_allclose(result.force_on_primary, -result.force, rtol=0)
     # slip by 1e-3 R against μ times the weight of normals, but for what is elastic before it starts
     assert_allclose(back.dissipation, 1e-3 * R * mu * back.normal_force.sum(), rtol=5e-3)
+
+
+# --- nodes that are driven along a slope --------------------------------------------------------
+
+
+@pytest.mark.parametrize("held", ["foot", "all", "heel"])
+@pytest.mark.parametrize("uphill", [True, False])
+@pytest.mark.parametrize("degrees", [0.1, 1.0, 4.0, 5.7, 10.0])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_block_that_is_driven_along_a_slope(dim, degrees, uphill, held):
+    """Pressed by P and driven along x: ``N = P / (cos a -+ mu sin a)``, by equilibrium along y.
+
+    Supports prescribe nearly all of the slip; what they leave free takes the friction all the same.
+    The sum of the forces does not depend on the mesh. In space the block grows aside by some 1e-5 of
+    its way, and friction leans by that: its square is left.
+    """
+    a, mu, P = np.radians(degrees if uphill else -degrees), 0.3, 100.0
+    mesh, element = ((fem.MeshQuad, fem.ElementQuad1), (fem.MeshHex, fem.ElementHex1))[dim - 2]
+    box = mesh.init_tensor(*dim * [np.linspace(0, 10, 4)]).with_defaults()
+    low, high = ("bottom", "top") if dim == 2 else ("front", "back")  # along the last axis
+    tilted = [lambda p, i=i: p[i] for i in range(dim - 1)]
+    tilted.append(lambda p: p[-1] + np.tan(a) * p[0] * (1 - p[-1] / 10))
+    body = sc.Body.from_mesh(
+        box.morphed(*tilted),
+        fem.ElementVector(element()),
+        sc.Elastic(1e5, 0.3),
+        f={high: (0.0,) * (dim - 1) + (-P / 10 ** (dim - 1),)},
+        D={"foot": {low: "x"}, "heel": {"left": "x"}, "all": lambda basis: basis.nodal_dofs[0]}[held],
+        name="block",
+    )
+    normal = np.zeros(dim)
+    normal[0], normal[-1] = -np.sin(a), np.cos(a)
+    slope = sc.RigidPlane((0.0,) * dim, normal, name="slope")
+    foot = sc.Contact(body.surface(low), slope, friction=sc.Coulomb(mu))
+    *_, last = sc.ContactSolver(body, foot).history(
+        [{"x": {"block": s * np.isin(np.arange(body.n), body.D)}} for s in (0.0, 0.05)]
+    )
+    assert last.force[-1] == pytest.approx(P, rel=1e-9)
+    if held != "heel":  # of a block that is pushed at one end points may still stick
+        expected = P / (np.cos(a) - mu * np.sin(a))
+        assert last.normal_force.sum() == pytest.approx(expected, rel=1e-8)
