@@ -163,6 +163,20 @@ def test_the_report_names_what_there_is(result):
         assert words in text
 
 
+def test_the_largest_pressure_is_where_there_is_contact():
+    """Of a head over the rims of its seat: not at the nodes beyond, which show that of the rims."""
+    seat = rectangles.block("seat", y=(-1, 0), n=(6, 3), D="bottom")
+    head = rectangles.block("head", x=(-0.13, 1.12), y=(0, 1), n=(6, 3), D="top", move=(0, -0.01))
+    result = sc.ContactSolver(
+        [seat, head], sc.Contact(head.surface("bottom"), seat.surface("top"), method="mortar")
+    ).solve()
+    beyond = np.abs(result.points[:, 0] - 0.5) > 0.5
+    assert beyond.any() and result.pressure[beyond].max() == result.pressure.max()
+    (line,) = [text for text in str(result).splitlines() if "largest pressure" in text]
+    place = float(line.partition("(")[2].partition(",")[0])
+    assert 0 <= place <= 1
+
+
 def test_printing_costs_the_certificate_and_the_verdict():
     """No estimate, nor search for other answers: the report has these, and it is said."""
     result = stack().solve()

@@ -392,7 +392,7 @@ def contact_lines(values: ContactValues, estimate: bool) -> list[str]:
         # glue pulls as well as it presses
         size = np.linalg.norm(values.traction, axis=1) if contact.tied else values.pressure
         what, peak = "traction" if contact.tied else "pressure", int(np.argmax(size))
-        where = written(values.points[peak])
+        where = written(values.points[values.heir[peak]])  # not beyond an edge, see `pressure`
         if size[peak] > 0 or contact.separation:
             lines.append(f"  {f'largest {what}':<24s} {size[peak]:.6g} at {where}")
         lines += _tension_lines(values)
