@@ -111,8 +111,8 @@ def _check_end(name: str, mesh: Any, what: str) -> None:
             f"{what}{np.count_nonzero(behind)} of the {len(behind)} facets of boundary {name!r} are "
             "inside the mesh: mesh.with_defaults() also takes facets that are nearer to the end than a "
             "hundredth of the smallest element's diameter. Name it by position, before the mesh is "
-            f"bent: mesh.with_boundaries({{{name!r}: lambda x: np.isclose(x[{axis}], end)}}), end being "
-            "the coordinate there; or, of facets inside that are meant, by a name of your own"
+            f"bent: mesh.with_boundaries({{{name!r}: lambda x: np.isclose(x[{axis}], end)}}), end "
+            "being the coordinate there; or, of facets inside that are meant, by a name of your own"
         )
 
 
@@ -421,10 +421,18 @@ def prescribed_dofs(D: Any, basis: Any, whose: str) -> np.ndarray:
 
 def _components(boundary: str, held: Any, basis: Any, whose: str) -> Any:
     """DOFs of the components of a boundary that are named, "x" or ("x", "z"); other values are DOFs."""
-    names = (held,) if isinstance(held, str) else held
-    if not (isinstance(names, list | tuple) and names and all(isinstance(name, str) for name in names)):
-        return held
+    names = held if isinstance(held, list | tuple) else (held,)
     axes = "xyz"[: basis.mesh.dim()]
+    kinds = {type(name) for name in names}
+    if kinds == {int} and len(names) <= len(axes) and all(0 <= k < len(axes) for k in names):
+        meant = ", ".join(f'"{axes[k]}"' for k in names)
+        meant = meant if len(names) == 1 else f"({meant})"
+        raise InputError(
+            f"D of {whose} has {held!r} for {boundary!r}, which would be numbers of DOFs. Components "
+            f"are named: write {{{boundary!r}: {meant}}}. DOFs by number are an array, without a boundary"
+        )
+    if kinds != {str}:
+        return held
     for name in names:
         if name not in tuple(axes):
             known = suggest(name, axes, "components")
