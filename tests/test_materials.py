@@ -368,9 +368,11 @@ def test_weight_and_warmth_of_a_ring():
     assert_allclose(sc.Body(basis, steel, f=steel.weight((0, -10.0)), **measure).f, weight, rtol=1e-12)
     for form in (steel.form(), steel.form(**measure, axisymmetric=True)):
         assert abs(sc.Body(basis, form, **measure).K - sc.Body(basis, steel, **measure).K).max() == 0.0
-    for wrong in ((0.0, 0.0, -10.0), (-10.0,), -10.0):
+    for wrong in ((0.0, 0.0, -10.0), (-10.0,), -10.0, lambda x: x[0], lambda x: (x, 0)):
         with pytest.raises(sc.errors.InputError, match="in 2-D: give its components"):
             sc.Body(basis, steel, f=steel.weight(wrong), name="ring")
+    spun = sc.Body(basis, steel, f=steel.weight(lambda x: (9.0 * x[0], 0)), **measure)
+    assert_allclose(spun.f.sum(), 2.0 * 9.0 * 2 * np.pi * (2**3 - 1**3) / 3, rtol=1e-12)
     ring = sc.Body(basis, steel, f=warm, D=held, **measure)
     u = fem.solve(*fem.condense(ring.K, ring.f, D=ring.D))
     free = 1e-3 * basis.doflocs[ring.dof_component, np.arange(ring.n)]
@@ -403,6 +405,8 @@ def test_materials_go_to_other_processes(material):
         (lambda: J2(E, NU, 250, finite_strain=1), "switch"),
         (lambda: Elastic(-1.0, NU), "no modulus"),
         (lambda: Elastic(E, NU, density=np.inf), "not finite"),
+        (lambda: Elastic(E, NU).weight((0, -1)), r"give Elastic\(\.\.\., density="),
+        (lambda: Elastic(E, NU).warmed(100.0), r"give Elastic\(\.\.\., expansion="),
         (lambda: NeoHooke(shear=0.0, bulk=1.0), "have to be > 0"),
         (lambda: MooneyRivlin(1.0, -2.0, bulk=1.0), "have to be > 0"),
         (lambda: FromFunction(3.0), "not a function"),

@@ -429,7 +429,7 @@ def _components(boundary: str, held: Any, basis: Any, whose: str) -> Any:
         meant = meant if len(names) == 1 else f"({meant})"
         raise InputError(
             f"D of {whose} has {held!r} for {boundary!r}, which would be numbers of DOFs. Components "
-            f"are named: write {{{boundary!r}: {meant}}}. DOFs by number are an array, without a boundary"
+            f"are named: write {{{boundary!r}: {meant}}}. DOFs by number are an array, without a name"
         )
     if kinds != {str}:
         return held
