@@ -383,6 +383,26 @@ def test_weight_and_warmth_of_a_ring():
     )
 
 
+@pytest.mark.parametrize("kind", [sc.Body, sc.NonlinearBody])
+def test_a_form_of_ones_own_beside_a_measure_is_warned_of_once(kind):
+    """Stiffness and tractions are weighed, and the form is not: by 2 pi r here, thousands of times."""
+    mesh = fem.MeshQuad().refined(1).translated((1.0, 0.0)).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    own = fem.LinearForm(lambda v, w: -1e-3 * v[1])
+    ring = {"measure": lambda x: 2 * np.pi * x[0], "D": "bottom", "name": "ring"}
+    words = "body 'ring' has a measure .*; f is a LinearForm, which is integrated as it stands"
+    with pytest.warns(sc.ContactWarning, match=words):
+        kind(basis, Elastic(E, NU), f=own, **ring)
+    body = kind(basis, Elastic(E, NU), f=own.assemble(basis), **ring)  # silent, as what follows
+    kind(basis, Elastic(E, NU), f=own, D="bottom")
+    if kind is sc.Body:
+        kind(basis, Elastic(E, NU).form(), f=own, **ring)
+    solver = sc.ContactSolver(body, sc.Contact(body.surface("top"), sc.RigidPlane((0, 1), (0, -1))))
+    with pytest.warns(sc.ContactWarning, match=words) as said:
+        list(solver.history([{"f": {"ring": own}}] * 2))
+    assert len(said) == 1
+
+
 @pytest.mark.parametrize("material", [METALS["table"], RUBBERS["MooneyRivlin"], METALS["elastic"]])
 def test_materials_go_to_other_processes(material):
     """Pickled and back, a material answers the same."""
