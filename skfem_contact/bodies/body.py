@@ -308,7 +308,10 @@ class Body(Meshed):
             )
 
     def apart(self, f: Any, load: Array) -> Array | None:
-        return load if isinstance(f, OfMaterial) and f.strains else None
+        if not isinstance(f, OfMaterial) or f.holding is None:
+            return None
+        x = np.asarray(self.basis.mapping.F(self.basis.X, self.basis.tind))
+        return np.concatenate([load, np.ravel(np.broadcast_to(f.holding(x), x.shape[1:]))])
 
     def prescribed(self, x: Any, no_D: bool, whose: str) -> Array:
         """Values (n,) of the prescribed DOFs that a user means: a vector, or by boundary name."""

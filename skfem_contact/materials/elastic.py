@@ -227,11 +227,18 @@ class Elastic(Isotropic):
         if not self.expansion:
             raise InputError(f"{self} does not expand: give Elastic(..., expansion=...)")
 
-        def load(v: Any, w: Any, axisymmetric: bool) -> Any:
-            T = temperature(w.x) if callable(temperature) else temperature
-            return 3.0 * self.bulk * self.expansion * T * trace(_strain(v, w, axisymmetric))
+        def holding(x: Array) -> Any:
+            return (
+                3.0
+                * self.bulk
+                * self.expansion
+                * (temperature(x) if callable(temperature) else temperature)
+            )
 
-        return VolumeLoad(load, measure, axisymmetric, strains=True)
+        def load(v: Any, w: Any, axisymmetric: bool) -> Any:
+            return holding(w.x) * trace(_strain(v, w, axisymmetric))
+
+        return VolumeLoad(load, measure, axisymmetric, holding)
 
 
 class OfMaterial:
@@ -244,23 +251,24 @@ class OfMaterial:
     measure : callable or None
         Weight of the area for those who assemble the form themselves.
     axisymmetric : bool
-    strains : bool
-        Whether a load stands for strains without stress, such as those of a temperature.
+    holding : callable or None
+        Of a load that stands for strains without stress, such as those of a temperature: the pressure
+        by position that would hold them back [stress].
     """
 
-    def __init__(self, work: Any, measure: Measure, axisymmetric: bool, strains: bool = False) -> None:
+    def __init__(self, work: Any, measure: Measure, axisymmetric: bool, holding: Any = None) -> None:
         def weighed(*fields: Any) -> Any:
             found = work(*fields, axisymmetric)
             return found if measure is None else found * measure(fields[-1].x)
 
         super().__init__(weighed)  # type: ignore[call-arg]
-        self._work, self.strains = work, strains
+        self._work, self.holding = work, holding
 
     def on(self, measure: Measure, axisymmetric: bool) -> Any:
         """The same form of a body with this measure; as it is where the body has none."""
         if measure is None:
             return self
-        return type(self)(self._work, measure, axisymmetric, self.strains)
+        return type(self)(self._work, measure, axisymmetric, self.holding)
 
 
 class VolumeLoad(OfMaterial, LinearForm):
