@@ -7,10 +7,12 @@ dimension are bodies, those one dimension below are boundaries, as sets of nodes
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, redirect_stderr, redirect_stdout
 from fnmatch import fnmatchcase
 from inspect import isroutine
+from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -34,6 +36,9 @@ ELEMENTS = {cell: element for element, cell in SUPPORTED.items()}
 DIMS = {"line": 1, "triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3, "wedge": 3, "pyramid": 3}
 #: Where formats keep one number for each cell that says which group it is in.
 TAGS = ("gmsh:physical", "cell_tags", "medit:ref", "nastran:ref", "su2:tag", "flac3d:group")
+#: Plane and axisymmetric elements of Abaqus, of which meshio knows some, and those with as many nodes.
+PLANE = re.compile(r"(^\*ELEMENT\b.*\bTYPE\s*=\s*)(?:CPE|CPS|CAX)([3468])[A-Z]*\b", re.I | re.M)
+KNOWN = {"3": "CPS3", "4": "CPS4", "6": "CPE6", "8": "S8R"}
 #: What is meshed, or read, by Gmsh.
 CAD, BY_GMSH = (".step", ".stp", ".iges", ".igs", ".brep"), (".unv",)
 #: What STEP has for a name where none was given.
@@ -55,7 +60,8 @@ def read_bodies(
     Parameters
     ----------
     path : str or Path
-        What meshio reads: Gmsh ``.msh``, Abaqus ``.inp`` with sets, ``.med``, Nastran ``.bdf``, ...
+        What meshio reads: Gmsh ``.msh``, Abaqus ``.inp`` with sets, whose plane and axisymmetric
+        elements are read alike (settings have the `measure`), ``.med``, Nastran ``.bdf``, ...
         By Gmsh, if it is installed: ``.unv``, and geometry, ``.step``, ``.stp``, ``.iges``,
         ``.brep``, of which each volume becomes a body.
     material : form, sparse matrix, callable or dict
@@ -195,7 +201,8 @@ class Groups:
         cells, sizes = [np.asarray(block.data, dtype=np.intp) for block in blocks], [*map(len, blocks)]
         widest = max(some.shape[1] for some in cells)
         pads = [np.pad(c, ((0, 0), (0, widest - c.shape[1])), mode="edge") for c in cells]
-        self.file, self.points, self.sets = file, mesh.points, mesh.point_sets
+        self.file, self.sets, plane = file, mesh.point_sets, 3 - mesh.points.shape[1]
+        self.points = np.pad(mesh.points, ((0, 0), (0, plane)))
         self.kinds = np.repeat([block.type for block in blocks], sizes)
         self.dims = np.repeat([DIMS.get(b.type.rstrip("0123456789"), 0) for b in blocks], sizes)
         self.nodes, self.dim = np.concatenate(pads), int(self.dims.max(initial=0))
@@ -345,13 +352,26 @@ def _read(file: Path, size: float | None, order: int) -> meshio.Mesh:
     suffix = file.suffix.lower()
     if suffix in CAD + BY_GMSH:
         return _by_gmsh(file, suffix, size, order)
+    said = StringIO()  # of a file that it can not read meshio tells the console why, and ends Python
     try:
-        return meshio.read(file)
+        with redirect_stdout(said), redirect_stderr(said):
+            return _abaqus(file) if suffix == ".inp" else meshio.read(file)
     except ImportError as error:
         words = f"meshio reads {suffix} by {error.name}: pip install {error.name}"
         raise InputError(f"{file}: {words}") from error
     except (Exception, SystemExit) as error:  # every format fails in its own way
-        raise InputError(f"{file} can not be read by meshio: {error}") from error
+        words = said.getvalue().strip() or str(error)
+        raise InputError(f"{file} can not be read by meshio: {words}") from error
+
+
+def _abaqus(file: Path) -> meshio.Mesh:
+    """Read a deck, its plane elements by the names of those with the same nodes that meshio knows."""
+    text, count = PLANE.subn(lambda found: found[1] + KNOWN[found[2]], file.read_text())
+    if not count:
+        return meshio.read(file)
+    deck = StringIO(text)
+    vars(deck)["name"] = str(file)  # beside which other files of the deck are
+    return meshio.read(deck, "abaqus")
 
 
 def _by_gmsh(file: Path, suffix: str, size: float | None, order: int) -> meshio.Mesh:
