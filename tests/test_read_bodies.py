@@ -183,6 +183,21 @@ def test_one_body_of_several_materials(tmp_path):
     np.testing.assert_allclose((body.K @ u) @ u, (both @ u) @ u, rtol=1e-12)
 
 
+def test_bodies_that_yield(tmp_path):
+    """A material that is not linear makes a NonlinearBody; parts of one body are linear."""
+    points, cells = two_cubes()
+    path = tagged(tmp_path / "two.msh", points, cells, [1, 2], {"low": [1, 3], "high": [2, 3]})
+    soft = sc.J2(1.0, 0.3, 0.1)
+    bodies = sc.read_bodies(path, {"low": sc.Elastic(1.0, 0.3), "high": soft})
+    assert [type(body) for body in bodies] == [sc.Body, sc.NonlinearBody]
+    assert bodies["high"].material is soft and not bodies["low"].nonlinear
+    np.testing.assert_allclose(
+        bodies["high"].linearize()[0].toarray() @ bodies["high"].rigid_modes, 0.0, atol=1e-12
+    )
+    with pytest.raises(sc.errors.InputError, match=r"J2 of 'high', .* has one material"):
+        sc.read_bodies(path, {"low": STEEL, "high": soft}, bodies={"both": ["low", "high"]})
+
+
 def test_boundaries_by_position_and_settings_by_pattern(tmp_path):
     """Of files without names: a side that is held, and one that is pressed."""
     points, cells = two_cubes()

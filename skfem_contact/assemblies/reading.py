@@ -27,9 +27,12 @@ from skfem_contact.arguments import Named, check_kind, file_path, known_keywords
 from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.inputs import SUPPORTED, deferred_basis
+from skfem_contact.bodies.nonlinear import NonlinearBody
 from skfem_contact.bodies.normal_field import CIRCLE
 from skfem_contact.bodies.selection import pieces
 from skfem_contact.errors import InputError
+from skfem_contact.materials.elastic import Elastic
+from skfem_contact.materials.material import Material
 
 #: Elements by what meshio calls their cells, and the dimension of all cells.
 ELEMENTS = {cell: element for element, cell in SUPPORTED.items()}
@@ -64,14 +67,15 @@ def read_bodies(
         elements are read alike (settings have the `measure`), ``.med``, Nastran ``.bdf``, ...
         By Gmsh, if it is installed: ``.unv``, and geometry, ``.step``, ``.stp``, ``.iges``,
         ``.brep``, of which each volume becomes a body.
-    material : form, sparse matrix, callable or dict
-        What `Body` takes as its stiffness; a function of the basis that returns it; or a dict of these
-        by the name of a body, of a subdomain, or a pattern: ``{"bolt*": steel, "*": aluminium}``.
+    material : Material, form, sparse matrix, callable or dict
+        What `Body` takes as its stiffness, or `NonlinearBody` as a material, such as `J2`; a function
+        of the basis that returns it; or a dict of these by the name of a body, of a subdomain, or a
+        pattern: ``{"bolt*": steel, "*": aluminium}``.
     bodies : dict, optional
         Which tags make which body, ``{"block": ["lower half", "upper half"]}``; others are left out.
         Several tags of one body are its subdomains. Every tag is a body if it is not given.
     settings : dict, optional
-        What else `Body` takes, by the name of a body or a pattern: ``{"base": {"D": "bottom"}}``; and
+        What else such a body takes, by its name or a pattern: ``{"base": {"D": "bottom"}}``; and
         more ``"boundaries"``, functions of the position of facets, where the file has no names.
     size : float, optional
         Of elements, where Gmsh meshes geometry, the largest [length]. Round faces have smaller ones,
@@ -137,7 +141,9 @@ def read_bodies(
         given = dict(_by_name(known, name) or {})
         one = one.with_boundaries(given.pop("boundaries", {}))
         basis = deferred_basis(one, skfem.ElementVector(element), None, f"body {name!r}")
-        made.append(Body(basis, _stiffness(material, name, basis), name=name, **given))
+        K = _stiffness(material, name, basis)
+        kind = Body if isinstance(K, Elastic) or not isinstance(K, Material) else NonlinearBody
+        made.append(kind(basis, K, name=name, **given))
     return Named(made, list(chosen), "bodies")
 
 
@@ -160,6 +166,11 @@ def _stiffness(material: Any, name: str, basis: Any) -> Any:
     for part, elements in parts.items():
         some = skfem.Basis(basis.mesh, basis.elem, elements=elements)
         K = _stiffness(_by_name(material, part), part, some)
+        if isinstance(K, Material) and not isinstance(K, Elastic):
+            raise InputError(
+                f"{type(K).__name__} of {part!r}, which is a part of body {name!r}: a body that is not "
+                "linear has one material. Make each tag a body, and tie them"
+            )
         form = K if isinstance(K, BilinearForm) or not hasattr(K, "form") else K.form()  # of a material
         total = total + (form.assemble(some) if isinstance(form, BilinearForm) else form)
     return total

@@ -25,6 +25,7 @@ from skfem_contact.bodies.assembly import (
 from skfem_contact.bodies.member import RemoteStiffness
 from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF
 from skfem_contact.errors import InputError, warn
+from skfem_contact.materials.material import Material
 from skfem_contact.records import sealed_matrix
 
 # A number on the diagonal of K that is larger than all others by this factor prescribes a displacement.
@@ -256,9 +257,13 @@ def _checked(K: Any, basis: Any, whose: str, own: bool = False, symmetric: bool 
         return K
     is_matrix = issparse(K) or (isinstance(K, np.ndarray) and K.ndim == 2)
     if not is_matrix:
+        hint = " (decorate the function with @skfem.BilinearForm)" if callable(K) else ""
+        if isinstance(K, Material):
+            hint = ", a linear stiffness: take sc.NonlinearBody for this material"
+        elif isinstance(K, list | tuple) and len(K) == 2 and all(map(np.isscalar, K)):
+            hint = f": write sc.Elastic({K[0]}, {K[1]}) if these are E and nu"
         raise InputError(
-            f"K of {whose} is a {type(K).__name__}, not a sparse matrix or a skfem.BilinearForm"
-            + (" (decorate the function with @skfem.BilinearForm)" if callable(K) else "")
+            f"K of {whose} is a {type(K).__name__}, not a sparse matrix or a skfem.BilinearForm{hint}"
         )
     if K.shape != (basis.N, basis.N):
         smaller = f", or is condensed. {CONDENSED}" if K.shape[0] < basis.N else ""
