@@ -218,8 +218,11 @@ def test_nan_coordinates_are_named():
 def test_missing_default_tags_are_explained():
     """A mesh without tags says where the usual names come from."""
     basis = fem.Basis(fem.MeshQuad(), fem.ElementVector(fem.ElementQuad1()))
-    with pytest.raises(InputError, match=r"no boundaries with a name .*with_defaults"):
+    with pytest.raises(InputError, match=r"no boundaries with a name .*with_defaults.*names\)$"):
         Body(basis, ELASTIC, D="left")
+    curved = fem.Basis(fem.MeshTri2(), fem.ElementVector(fem.ElementTriP2()))
+    with pytest.raises(InputError, match=r"with a name\. .* second-order files: sc\.read_bodies"):
+        Body(curved, ELASTIC, D="rim")
 
 
 def test_unsymmetric_stiffness_is_refused():

@@ -70,6 +70,9 @@ TAKEN = (
 ENDS = "left", "right", "bottom", "top", "front", "back"
 
 
+SECOND_ORDER = skfem.MeshTri2, skfem.MeshQuad2, skfem.MeshTet2, skfem.MeshHex2
+
+
 def facets_named(name: str, mesh: Any, what: str = "") -> Any:
     """Facets of a boundary of the mesh; `what` begins the messages.
 
@@ -83,6 +86,8 @@ def facets_named(name: str, mesh: Any, what: str = "") -> Any:
         tail = suggest(name, known, "boundaries")
         if name in ENDS:
             tail += " (default names need mesh.with_defaults(); joining meshes by + drops names)"
+        if not known and isinstance(mesh, SECOND_ORDER):
+            tail += ". scikit-fem drops the names of second-order files: sc.read_bodies keeps them"
         raise InputError(f"{what}boundary {name!r} not found in the mesh{tail}")
     if name in ENDS:
         _check_end(name, mesh, what)
