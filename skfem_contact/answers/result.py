@@ -392,7 +392,7 @@ class ContactResult(OfTheContact):
     def rotations(self) -> dict[str, float]:
         """Mean rotation of the surfaces that slide far, by body [rad]; empty for small sliding.
 
-        Linear bodies are good for rotations well below 0.1 rad.
+        Linear bodies are good for rotations well below 0.1 rad; those of large strains are left out.
         """
         answer = self._answer
         return rigid_rotations(surface_turns(answer.system, answer.contacts, answer.state.surface))

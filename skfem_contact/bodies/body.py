@@ -159,10 +159,13 @@ class Body(Meshed):
         vars(self).setdefault("material", None)  # bodies that are not linear have set theirs
         fixed = prescribed_dofs(D, basis, whose)
         stiffness = Stiffness.of(self._form(K), basis, fixed, whose)
+        by_skfem = stiffness.by_skfem
+        if by_skfem and measure is not None and isinstance(K, Elastic | OfMaterial):  # no user's form
+            by_skfem = "the measure of the body is a function of the position"
         values = {
             "K": stiffness.K,
             "form": stiffness.form,
-            "by_skfem": stiffness.by_skfem,
+            "by_skfem": by_skfem,
             "_stiffness": stiffness,
             "_mass": mass,
             "D": fixed,
