@@ -444,3 +444,7 @@ def test_what_is_said_of_a_stiffness_is_of_the_one_in_use():
     solver = sc.ContactSolver(body, sc.Contact(body.surface("bottom"), sc.RigidPlane((0, 0), (0, 1))))
     said = "K was assembled by scikit-fem"
     assert said in str(solver) and said not in str(solver.with_stiffness("block", linear_elasticity()))
+    ring = sc.Body(basis, sc.Elastic(1.0, 0.3), D="top", measure=lambda x: 2 * np.pi * x[0])
+    contact = sc.Contact(ring.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)))
+    words = str(sc.ContactSolver(ring, contact))  # of a form that nobody has given
+    assert f"{said}: the measure of the body is" in words and THIRD not in words

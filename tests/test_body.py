@@ -9,7 +9,7 @@ import skfem as fem
 from quick_elasticity import linear_elasticity
 from skfem.models.poisson import laplace
 
-from skfem_contact import Body, Contact, ContactSolver, RigidPlane
+from skfem_contact import J2, Body, Contact, ContactSolver, RigidPlane
 from skfem_contact.bodies import pieces, stack
 from skfem_contact.errors import InputError
 
@@ -183,6 +183,8 @@ TRI = fem.MeshTri().refined(1)
         ),
         (lambda: Body(BASIS, ELASTIC.assemble(P2)), "K belongs to another basis"),
         (lambda: Body(BASIS, lambda u, v, w: 0), "decorate the function"),
+        (lambda: Body(BASIS, J2(1.0, 0.3, 0.1)), "take sc.NonlinearBody for this material"),
+        (lambda: Body(BASIS, (1.0, 0.3)), r"write sc.Elastic\(1.0, 0.3\) if these are E and nu"),
         (lambda: Body(BASIS, 1j * sp.eye(BASIS.N)), "complex128, contact needs real"),
         (lambda: Body(BASIS, np.nan * sp.eye(BASIS.N)), "K of a body holds NaN .* in row 0"),
         (lambda: Body(BASIS, ELASTIC, np.ones(3)), r"f of a body has shape \(3,\), .* 50 DOFs"),
@@ -216,8 +218,11 @@ def test_nan_coordinates_are_named():
 def test_missing_default_tags_are_explained():
     """A mesh without tags says where the usual names come from."""
     basis = fem.Basis(fem.MeshQuad(), fem.ElementVector(fem.ElementQuad1()))
-    with pytest.raises(InputError, match=r"no boundaries with a name .*with_defaults"):
+    with pytest.raises(InputError, match=r"no boundaries with a name .*with_defaults.*names\)$"):
         Body(basis, ELASTIC, D="left")
+    curved = fem.Basis(fem.MeshTri2(), fem.ElementVector(fem.ElementTriP2()))
+    with pytest.raises(InputError, match=r"with a name\. .* second-order files: sc\.read_bodies"):
+        Body(curved, ELASTIC, D="rim")
 
 
 def test_unsymmetric_stiffness_is_refused():

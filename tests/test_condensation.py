@@ -267,6 +267,8 @@ def test_the_route_follows_the_memory_of_dense_matrices():
     assert "at most 9.22 kB of dense matrices, as chosen" in str(forced)
     with pytest.raises(sc.errors.UnknownKeyword, match=r"max_candidates.*write max_dense_bytes"):
         sc.Options(max_candidates=3)
+    with pytest.raises(sc.errors.UnknownKeyword, match=r"no argument 'loop': write ContactSolver\("):
+        sc.Options(loop="newton")
     large = sc.ContactSolver(bodies, contacts, options=sc.Options(max_factor_bytes=3000))
     assert large.linear_model.route == "multigrid"
     assert re.search(r"because factors would take \S+ kB: max_factor_bytes allows 3 kB", str(large))

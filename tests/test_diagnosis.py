@@ -446,6 +446,12 @@ def test_huge_interference_is_warned_about():
             {"D": {"top": ("x", "z")}},
             r"D of body 'b' holds 'z' of boundary 'top'; Known components: 'x', 'y'",
         ),
+        ({"D": {"top": 0}}, r"Components are named: write {'top': \"x\"}"),
+        (
+            {"D": {"top": [1]}},
+            r"has \[1\] for 'top', which would be numbers of DOFs.* write {'top': \"y\"}",
+        ),
+        ({"D": {"top": (0, 1)}}, r"write {'top': \(\"x\", \"y\"\)}"),
         ({"D": [999]}, r"D of body 'b' has numbers from 999 to 999"),
     ],
 )

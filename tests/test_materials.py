@@ -368,9 +368,11 @@ def test_weight_and_warmth_of_a_ring():
     assert_allclose(sc.Body(basis, steel, f=steel.weight((0, -10.0)), **measure).f, weight, rtol=1e-12)
     for form in (steel.form(), steel.form(**measure, axisymmetric=True)):
         assert abs(sc.Body(basis, form, **measure).K - sc.Body(basis, steel, **measure).K).max() == 0.0
-    for wrong in ((0.0, 0.0, -10.0), (-10.0,), -10.0):
+    for wrong in ((0.0, 0.0, -10.0), (-10.0,), -10.0, lambda x: x[0], lambda x: (x, 0)):
         with pytest.raises(sc.errors.InputError, match="in 2-D: give its components"):
             sc.Body(basis, steel, f=steel.weight(wrong), name="ring")
+    spun = sc.Body(basis, steel, f=steel.weight(lambda x: (9.0 * x[0], 0)), **measure)
+    assert_allclose(spun.f.sum(), 2.0 * 9.0 * 2 * np.pi * (2**3 - 1**3) / 3, rtol=1e-12)
     ring = sc.Body(basis, steel, f=warm, D=held, **measure)
     u = fem.solve(*fem.condense(ring.K, ring.f, D=ring.D))
     free = 1e-3 * basis.doflocs[ring.dof_component, np.arange(ring.n)]
@@ -379,6 +381,26 @@ def test_weight_and_warmth_of_a_ring():
     assert_allclose(
         stress, steel.stress(1e-3 * np.eye(3)[:, :, None, None]) + 0 * stress, rtol=1e-9, atol=1e-9 * E
     )
+
+
+@pytest.mark.parametrize("kind", [sc.Body, sc.NonlinearBody])
+def test_a_form_of_ones_own_beside_a_measure_is_warned_of_once(kind):
+    """Stiffness and tractions are weighed, and the form is not: by 2 pi r here, thousands of times."""
+    mesh = fem.MeshQuad().refined(1).translated((1.0, 0.0)).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()))
+    own = fem.LinearForm(lambda v, w: -1e-3 * v[1])
+    ring = {"measure": lambda x: 2 * np.pi * x[0], "D": "bottom", "name": "ring"}
+    words = "body 'ring' has a measure .*; f is a LinearForm, which is integrated as it stands"
+    with pytest.warns(sc.ContactWarning, match=words):
+        kind(basis, Elastic(E, NU), f=own, **ring)
+    body = kind(basis, Elastic(E, NU), f=own.assemble(basis), **ring)  # silent, as what follows
+    kind(basis, Elastic(E, NU), f=own, D="bottom")
+    if kind is sc.Body:
+        kind(basis, Elastic(E, NU).form(), f=own, **ring)
+    solver = sc.ContactSolver(body, sc.Contact(body.surface("top"), sc.RigidPlane((0, 1), (0, -1))))
+    with pytest.warns(sc.ContactWarning, match=words) as said:
+        list(solver.history([{"f": {"ring": own}}] * 2))
+    assert len(said) == 1
 
 
 @pytest.mark.parametrize("material", [METALS["table"], RUBBERS["MooneyRivlin"], METALS["elastic"]])
@@ -403,6 +425,8 @@ def test_materials_go_to_other_processes(material):
         (lambda: J2(E, NU, 250, finite_strain=1), "switch"),
         (lambda: Elastic(-1.0, NU), "no modulus"),
         (lambda: Elastic(E, NU, density=np.inf), "not finite"),
+        (lambda: Elastic(E, NU).weight((0, -1)), r"give Elastic\(\.\.\., density="),
+        (lambda: Elastic(E, NU).warmed(100.0), r"give Elastic\(\.\.\., expansion="),
         (lambda: NeoHooke(shear=0.0, bulk=1.0), "have to be > 0"),
         (lambda: MooneyRivlin(1.0, -2.0, bulk=1.0), "have to be > 0"),
         (lambda: FromFunction(3.0), "not a function"),

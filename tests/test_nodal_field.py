@@ -40,6 +40,46 @@ def test_an_elastic_body_as_by_its_displacements(pressed: sc.answers.ContactResu
     assert_allclose(sc.output.nodal_field(pressed, tool, "von_mises"), mises, atol=1e-12 * mises.max())
 
 
+@pytest.mark.parametrize("own", [True, False])
+@pytest.mark.parametrize(
+    ("kind", "material"),
+    [
+        (sc.Body, sc.Elastic(2e5, 0.3)),
+        (sc.NonlinearBody, sc.Elastic(2e5, 0.3)),
+        (sc.NonlinearBody, sc.J2(2e5, 0.3, 1000.0)),
+    ],
+)
+def test_a_free_body_that_is_warmed(kind: Any, material: Any, own: bool, tmp_path: Path) -> None:
+    """Strains of a temperature that is linear in x fit: -E alpha T along the thickness, no more."""
+    basis = rectangle(0, fem.ElementQuad2())
+    right = np.flatnonzero((basis.mesh.p == [[1], [0]]).all(axis=0))
+    D = np.concatenate([basis.nodal_dofs[:, 0], basis.nodal_dofs[1, right]])
+    warm = sc.Elastic(2e5, 0.3, expansion=1e-5).warmed(lambda x: 10.0 * (1 + x[0]))
+    body = kind(basis, material, f=warm if own else None, D=D, name="b")
+    far = sc.Contact(body.surface("top"), sc.RigidPlane((0, 2), (0, -1)))
+    steps = [0.5, 1.0] if own else [{"f": {"b": 0.5 * warm.assemble(basis)}}, {"f": {"b": warm}}]
+    solver = sc.ContactSolver(body, far)
+    half, hot = solver.history(steps)
+    saved = solver.load_state(solver.save_state(tmp_path / "hot.npz", hot))
+    (again,) = solver.history([{"x": None}], start=saved)
+    for result, T in ((half, 5.0), (hot, 10.0), (again, 10.0)) if own else ((hot, 10.0),):
+        found = sc.output.nodal_field(result, "b", "stress")
+        expected = np.zeros_like(found)
+        x = basis.with_element(fem.ElementQuad2()).doflocs[0]
+        expected[:, 2, 2] = -2.0 * T * (1 + x)
+        assert_allclose(found, expected, atol=1e-8)
+        assert abs(result.reaction("b")).max() < 1e-8
+        ax = sc.output.plot_force([result], "b", "left")
+        assert abs(ax.get_lines()[0].get_ydata()).max() < 1e-8
+
+
+def test_large_strains_and_a_temperature_are_warned_of() -> None:
+    """Its load is that of small strains."""
+    warm = sc.Elastic(1.0, 0.3, expansion=1e-5).warmed(10.0)
+    with pytest.warns(sc.ContactWarning, match="the load of a temperature is that of small strains"):
+        sc.NonlinearBody(rectangle(0), sc.materials.NeoHooke.of(1.0, 0.3), f=warm, D="left")
+
+
 @pytest.mark.parametrize("given", [{}, RADIUS])
 @pytest.mark.parametrize("element", [fem.ElementQuad1(), fem.ElementQuad2()])
 def test_large_homogeneous_strain(given: dict[str, Any], element: Any) -> None:
@@ -48,8 +88,9 @@ def test_large_homogeneous_strain(given: dict[str, Any], element: Any) -> None:
     D = np.union1d(basis.get_dofs("left").all("u^1"), basis.get_dofs("bottom").all("u^2"))
     rubber = sc.NonlinearBody(basis, sc.materials.NeoHooke.of(1.0, 0.3), D=D, name="rubber", **given)
     plate = sc.RigidPlane((0, 1), (0, -1), name="plate")
-    contact = sc.Contact(rubber.surface("top"), plate, sliding="finite")
+    contact = sc.Contact(rubber.surface(["top", "right"]), plate, sliding="finite")
     result = sc.ContactSolver(rubber, contact).solve(motion={"plate": (0, -0.2)})
+    assert not result.rotations  # of two faces that are stretched, and do not turn
     stress = sc.output.nodal_field(result, rubber, "stress")
     side = 1 + result.displacement(rubber)[basis.get_dofs("right").all("u^1")].mean()
     area = np.pi * side**2 if given else side

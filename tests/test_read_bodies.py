@@ -104,6 +104,23 @@ def test_sets_of_abaqus(tmp_path):
     assert one.names == ("both",) and len(set(one[0].parts)) == 2
 
 
+@pytest.mark.parametrize(
+    "kind", ["CPS3", "CPE3", "CPS4", "CPE4R", "CAX4", "cpe4h", "CPE6", "CPS6M", "CAX6", "CPE8R", "CPS8"]
+)
+def test_plane_elements_of_abaqus(tmp_path, kind):
+    """Nodes with two coordinates, and elements that meshio does not know by their names."""
+    count = int(kind[3])
+    square = CUBE[: 3 if count in (3, 6) else 4, :2].astype(float)
+    nodes = np.vstack([square, (square + np.roll(square, -1, axis=0)) / 2])[:count]
+    text = ["*Heading", "*NODE", *(f"{i + 1}, {x}, {y}" for i, (x, y) in enumerate(nodes))]
+    text += [f"*ELEMENT, ELSET=PLATE, TYPE={kind}", ", ".join(map(str, [7, *range(1, count + 1)]))]
+    (tmp_path / "plate.inp").write_text("\n".join([*text, "*NSET, NSET=BASE", "1, 2", ""]))
+    (plate,) = sc.read_bodies(tmp_path / "plate.inp", STEEL, settings={"PLATE": {"D": "BASE"}})
+    assert (plate.name, plate.dim, plate.n) == ("PLATE", 2, 2 * count)
+    assert plate.basis.dx.sum() == pytest.approx(1.0 if len(square) == 4 else 0.5)
+    assert len(plate.D) == 4 + 2 * (count > 4)
+
+
 def test_families_of_med(tmp_path):
     """Groups of cells are bodies and boundaries; a cell in two groups is in a family of its own."""
     pytest.importorskip("h5py", reason="meshio reads .med by h5py, which is not installed")
@@ -166,6 +183,21 @@ def test_one_body_of_several_materials(tmp_path):
     np.testing.assert_allclose((body.K @ u) @ u, (both @ u) @ u, rtol=1e-12)
 
 
+def test_bodies_that_yield(tmp_path):
+    """A material that is not linear makes a NonlinearBody; parts of one body are linear."""
+    points, cells = two_cubes()
+    path = tagged(tmp_path / "two.msh", points, cells, [1, 2], {"low": [1, 3], "high": [2, 3]})
+    soft = sc.J2(1.0, 0.3, 0.1)
+    bodies = sc.read_bodies(path, {"low": sc.Elastic(1.0, 0.3), "high": soft})
+    assert [type(body) for body in bodies] == [sc.Body, sc.NonlinearBody]
+    assert bodies["high"].material is soft and not bodies["low"].nonlinear
+    np.testing.assert_allclose(
+        bodies["high"].linearize()[0].toarray() @ bodies["high"].rigid_modes, 0.0, atol=1e-12
+    )
+    with pytest.raises(sc.errors.InputError, match=r"J2 of 'high', .* has one material"):
+        sc.read_bodies(path, {"low": STEEL, "high": soft}, bodies={"both": ["low", "high"]})
+
+
 def test_boundaries_by_position_and_settings_by_pattern(tmp_path):
     """Of files without names: a side that is held, and one that is pressed."""
     points, cells = two_cubes()
@@ -216,6 +248,8 @@ def test_what_can_not_be_read_is_answered(tmp_path, monkeypatch):
     refused("is no file", tmp_path / "none.msh", STEEL)
     (tmp_path / "two.xyz").write_text("")
     refused("can not be read by meshio", tmp_path / "two.xyz", STEEL)
+    (tmp_path / "two.inp").write_text("*NODE\n1, 0, 0\n*ELEMENT, TYPE=XYZ4\n1, 1, 1, 1, 1\n")
+    refused("by meshio: Element type not available: XYZ4", tmp_path / "two.inp", STEEL)
     refused("no such body; did you mean 'low'", path, STEEL, settings={"lwo": {}})
     refused("no such tag of cells", path, STEEL, bodies={"a": "middle"})
     refused("'a' has no tags", path, STEEL, bodies={"a": []})

@@ -167,7 +167,8 @@ def test_steps_that_are_refused():
         ({"x": {"die": {"y": -0.1}}}, "prescribes values 'y' that D does not have"),
         ({"x": {"die": {"z": -0.1}}}, "'z' is none"),
         ({"f": {"die": {"top": (0, 1)}}}, "'top' is none; Known DOFs"),
-        ({"f": {"die": (0, 1)}}, "3 DOFs belong to it"),
+        ({"f": {"die": (0, -1)}}, r"is rigid, is \(0, -1\) \(tuple\): write {'y': -1.0}, of 'x', 'y'"),
+        ({"x": {"die": (0, -0.1)}}, r"write {'y': -0.1}, of 'x', 'y', 'rotation', or 3 numbers"),
     ):
         with pytest.raises(sc.errors.InputError, match=words):
             next(solver.history([step]))

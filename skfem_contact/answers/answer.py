@@ -101,7 +101,7 @@ class Placed:
                 stiffness[i], internal[part], states[i] = body.linearize(u[part], self.material[i])
             else:
                 internal[part] = stiffness[i] @ u[part]
-            if body.nonlinear and i in apart:
+            if body.finite_strain and i in apart:
                 beyond[part], slope = fluid_beyond(body, apart[i], u[part])
                 stiffness[i] = csr_matrix(stiffness[i] - 0.5 * (slope + slope.T))
                 odd[i] = _of_rims(body, slope)

@@ -245,8 +245,8 @@ class ContactResult(OfTheContact):
     def stress(self, body: Member | str) -> Array:
         """Cauchy stress of a body with a material, (3, 3, elements, points of integration) [stress].
 
-        At the nodes: `skfem_contact.output.nodal_field`. The strain of a temperature T is not taken
-        off: ``steel.stress(gradient, T)`` of the displacement gradient does that.
+        At the nodes: `skfem_contact.output.nodal_field`. The strain of a temperature is taken off,
+        where the load is the form ``steel.warmed(T)``; of a vector ``steel.stress(u, T)`` does.
 
         Raises
         ------
@@ -280,11 +280,11 @@ class ContactResult(OfTheContact):
                 "in the place of its stiffness, or use sc.nodal_stress(...)"
             )
         state = self._answer.material[i] if self._answer.material else {}
-        return np.asarray(
-            own.stress(  # type: ignore[attr-defined]
-                self.stretched(own), state
-            )
-        )
+        stress = np.asarray(own.stress(self.stretched(own), state))  # type: ignore[attr-defined]
+        known = self._answer.case.apart.get(i)
+        if known is None or own.finite_strain:
+            return stress
+        return stress - np.eye(3)[:, :, None, None] * known[own.n :].reshape(stress.shape[2:])
 
     @known_keywords()
     def reaction(self, body: Member | str, boundary: str | None = None) -> Array:
@@ -392,7 +392,7 @@ class ContactResult(OfTheContact):
     def rotations(self) -> dict[str, float]:
         """Mean rotation of the surfaces that slide far, by body [rad]; empty for small sliding.
 
-        Linear bodies are good for rotations well below 0.1 rad.
+        Linear bodies are good for rotations well below 0.1 rad; those of large strains are left out.
         """
         answer = self._answer
         return rigid_rotations(surface_turns(answer.system, answer.contacts, answer.state.surface))

@@ -351,7 +351,7 @@ class Bolts:
         """The loads of temperatures on bodies with bolts, (n,) [force]."""
         loads = np.zeros(self.slides.shape[1])
         for i, span in zip(self._body, self._span, strict=True):
-            loads[span] = case.apart.get(i, 0.0)
+            loads[span] = case.apart[i][: span.stop - span.start] if i in case.apart else 0.0
         return loads
 
     def stretched(self, u: Array, known: ByBolt) -> Array:
@@ -370,7 +370,7 @@ class Bolts:
             load = rows @ drawn
             load[np.abs(load) < COMPUTED * (abs(rows) @ np.abs(drawn))] = 0.0
             if i in case.apart:
-                load = load - bolt.motions.T @ case.apart[i]
+                load = load - bolt.motions.T @ case.apart[i][: bolt.body.n]
             across, moment = load[:d] - axis * (axis @ load[:d]), load[d:]
             torsion = float(axis @ moment) if d == 3 else 0.0
             bending = float(np.linalg.norm(moment - torsion * axis if d == 3 else moment))

@@ -7,10 +7,12 @@ dimension are bodies, those one dimension below are boundaries, as sets of nodes
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, redirect_stderr, redirect_stdout
 from fnmatch import fnmatchcase
 from inspect import isroutine
+from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -25,15 +27,21 @@ from skfem_contact.arguments import Named, check_kind, file_path, known_keywords
 from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.inputs import SUPPORTED, deferred_basis
+from skfem_contact.bodies.nonlinear import NonlinearBody
 from skfem_contact.bodies.normal_field import CIRCLE
 from skfem_contact.bodies.selection import pieces
 from skfem_contact.errors import InputError
+from skfem_contact.materials.elastic import Elastic
+from skfem_contact.materials.material import Material
 
 #: Elements by what meshio calls their cells, and the dimension of all cells.
 ELEMENTS = {cell: element for element, cell in SUPPORTED.items()}
 DIMS = {"line": 1, "triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3, "wedge": 3, "pyramid": 3}
 #: Where formats keep one number for each cell that says which group it is in.
 TAGS = ("gmsh:physical", "cell_tags", "medit:ref", "nastran:ref", "su2:tag", "flac3d:group")
+#: Plane and axisymmetric elements of Abaqus, of which meshio knows some, and those with as many nodes.
+PLANE = re.compile(r"(^\*ELEMENT\b.*\bTYPE\s*=\s*)(?:CPE|CPS|CAX)([3468])[A-Z]*\b", re.I | re.M)
+KNOWN = {"3": "CPS3", "4": "CPS4", "6": "CPE6", "8": "S8R"}
 #: What is meshed, or read, by Gmsh.
 CAD, BY_GMSH = (".step", ".stp", ".iges", ".igs", ".brep"), (".unv",)
 #: What STEP has for a name where none was given.
@@ -55,17 +63,19 @@ def read_bodies(
     Parameters
     ----------
     path : str or Path
-        What meshio reads: Gmsh ``.msh``, Abaqus ``.inp`` with sets, ``.med``, Nastran ``.bdf``, ...
+        What meshio reads: Gmsh ``.msh``, Abaqus ``.inp`` with sets, whose plane and axisymmetric
+        elements are read alike (settings have the `measure`), ``.med``, Nastran ``.bdf``, ...
         By Gmsh, if it is installed: ``.unv``, and geometry, ``.step``, ``.stp``, ``.iges``,
         ``.brep``, of which each volume becomes a body.
-    material : form, sparse matrix, callable or dict
-        What `Body` takes as its stiffness; a function of the basis that returns it; or a dict of these
-        by the name of a body, of a subdomain, or a pattern: ``{"bolt*": steel, "*": aluminium}``.
+    material : Material, form, sparse matrix, callable or dict
+        What `Body` takes as its stiffness, or `NonlinearBody` as a material, such as `J2`; a function
+        of the basis that returns it; or a dict of these by the name of a body, of a subdomain, or a
+        pattern: ``{"bolt*": steel, "*": aluminium}``.
     bodies : dict, optional
         Which tags make which body, ``{"block": ["lower half", "upper half"]}``; others are left out.
         Several tags of one body are its subdomains. Every tag is a body if it is not given.
     settings : dict, optional
-        What else `Body` takes, by the name of a body or a pattern: ``{"base": {"D": "bottom"}}``; and
+        What else such a body takes, by its name or a pattern: ``{"base": {"D": "bottom"}}``; and
         more ``"boundaries"``, functions of the position of facets, where the file has no names.
     size : float, optional
         Of elements, where Gmsh meshes geometry, the largest [length]. Round faces have smaller ones,
@@ -131,7 +141,9 @@ def read_bodies(
         given = dict(_by_name(known, name) or {})
         one = one.with_boundaries(given.pop("boundaries", {}))
         basis = deferred_basis(one, skfem.ElementVector(element), None, f"body {name!r}")
-        made.append(Body(basis, _stiffness(material, name, basis), name=name, **given))
+        K = _stiffness(material, name, basis)
+        kind = Body if isinstance(K, Elastic) or not isinstance(K, Material) else NonlinearBody
+        made.append(kind(basis, K, name=name, **given))
     return Named(made, list(chosen), "bodies")
 
 
@@ -154,6 +166,11 @@ def _stiffness(material: Any, name: str, basis: Any) -> Any:
     for part, elements in parts.items():
         some = skfem.Basis(basis.mesh, basis.elem, elements=elements)
         K = _stiffness(_by_name(material, part), part, some)
+        if isinstance(K, Material) and not isinstance(K, Elastic):
+            raise InputError(
+                f"{type(K).__name__} of {part!r}, which is a part of body {name!r}: a body that is not "
+                "linear has one material. Make each tag a body, and tie them"
+            )
         form = K if isinstance(K, BilinearForm) or not hasattr(K, "form") else K.form()  # of a material
         total = total + (form.assemble(some) if isinstance(form, BilinearForm) else form)
     return total
@@ -195,7 +212,8 @@ class Groups:
         cells, sizes = [np.asarray(block.data, dtype=np.intp) for block in blocks], [*map(len, blocks)]
         widest = max(some.shape[1] for some in cells)
         pads = [np.pad(c, ((0, 0), (0, widest - c.shape[1])), mode="edge") for c in cells]
-        self.file, self.points, self.sets = file, mesh.points, mesh.point_sets
+        self.file, self.sets, plane = file, mesh.point_sets, 3 - mesh.points.shape[1]
+        self.points = np.pad(mesh.points, ((0, 0), (0, plane)))
         self.kinds = np.repeat([block.type for block in blocks], sizes)
         self.dims = np.repeat([DIMS.get(b.type.rstrip("0123456789"), 0) for b in blocks], sizes)
         self.nodes, self.dim = np.concatenate(pads), int(self.dims.max(initial=0))
@@ -345,13 +363,26 @@ def _read(file: Path, size: float | None, order: int) -> meshio.Mesh:
     suffix = file.suffix.lower()
     if suffix in CAD + BY_GMSH:
         return _by_gmsh(file, suffix, size, order)
+    said = StringIO()  # of a file that it can not read meshio tells the console why, and ends Python
     try:
-        return meshio.read(file)
+        with redirect_stdout(said), redirect_stderr(said):
+            return _abaqus(file) if suffix == ".inp" else meshio.read(file)
     except ImportError as error:
         words = f"meshio reads {suffix} by {error.name}: pip install {error.name}"
         raise InputError(f"{file}: {words}") from error
     except (Exception, SystemExit) as error:  # every format fails in its own way
-        raise InputError(f"{file} can not be read by meshio: {error}") from error
+        words = said.getvalue().strip() or str(error)
+        raise InputError(f"{file} can not be read by meshio: {words}") from error
+
+
+def _abaqus(file: Path) -> meshio.Mesh:
+    """Read a deck, its plane elements by the names of those with the same nodes that meshio knows."""
+    text, count = PLANE.subn(lambda found: found[1] + KNOWN[found[2]], file.read_text())
+    if not count:
+        return meshio.read(file)
+    deck = StringIO(text)
+    vars(deck)["name"] = str(file)  # beside which other files of the deck are
+    return meshio.read(deck, "abaqus")
 
 
 def _by_gmsh(file: Path, suffix: str, size: float | None, order: int) -> meshio.Mesh:

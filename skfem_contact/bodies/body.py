@@ -16,7 +16,7 @@ import numpy as np
 import skfem
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
-from skfem.assembly import BilinearForm, CellBasis
+from skfem.assembly import BilinearForm, CellBasis, LinearForm
 
 from skfem_contact.arguments import check_name, known_keywords, with_known_keywords
 from skfem_contact.arrays import Array
@@ -40,7 +40,7 @@ from skfem_contact.bodies.inputs import (
 from skfem_contact.bodies.member import Linearized, Meshed, State, motion_names, rigid_modes
 from skfem_contact.bodies.selection import displacements, pieces, tractions
 from skfem_contact.bodies.surface import ContactSurface, extract_surface
-from skfem_contact.errors import InputError
+from skfem_contact.errors import InputError, warn
 from skfem_contact.materials.elastic import Elastic, OfMaterial
 from skfem_contact.records import can_be_carried, carried, dataclass, seal
 
@@ -159,10 +159,13 @@ class Body(Meshed):
         vars(self).setdefault("material", None)  # bodies that are not linear have set theirs
         fixed = prescribed_dofs(D, basis, whose)
         stiffness = Stiffness.of(self._form(K), basis, fixed, whose)
+        by_skfem = stiffness.by_skfem
+        if by_skfem and measure is not None and isinstance(K, Elastic | OfMaterial):  # no user's form
+            by_skfem = "the measure of the body is a function of the position"
         values = {
             "K": stiffness.K,
             "form": stiffness.form,
-            "by_skfem": stiffness.by_skfem,
+            "by_skfem": by_skfem,
             "_stiffness": stiffness,
             "_mass": mass,
             "D": fixed,
@@ -292,10 +295,26 @@ class Body(Meshed):
         """The load (n,) that a user means: a vector, a form, or tractions by boundary name."""
         if isinstance(f, Mapping):
             return tractions(f, self.basis, self.measure, what)
+        if isinstance(f, LinearForm) and not isinstance(f, OfMaterial):
+            self._warned_of_weight  # noqa: B018  # once
         return load_of(self._form(f), self.basis, what)
 
+    @cached_property
+    def _warned_of_weight(self) -> None:
+        """Say that a form of the user's own has no weight, where the stiffness of a material has."""
+        if self.measure is not None and self.material is not None:
+            warn(
+                f"body {self.name or 'without name'!r} has a measure that weighs its stiffness, "
+                "tractions and steel.weight(...); f is a LinearForm, which is integrated as it stands. "
+                "Multiply it by the measure of w.x unless it has that already, and pass what "
+                "it gives, f=form.assemble(basis), which is taken without a word"
+            )
+
     def apart(self, f: Any, load: Array) -> Array | None:
-        return load if isinstance(f, OfMaterial) and f.strains else None
+        if not isinstance(f, OfMaterial) or f.holding is None:
+            return None
+        x = np.asarray(self.basis.mapping.F(self.basis.X, self.basis.tind))
+        return np.concatenate([load, np.ravel(np.broadcast_to(f.holding(x), x.shape[1:]))])
 
     def prescribed(self, x: Any, no_D: bool, whose: str) -> Array:
         """Values (n,) of the prescribed DOFs that a user means: a vector, or by boundary name."""

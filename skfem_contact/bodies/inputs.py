@@ -25,6 +25,7 @@ from skfem_contact.bodies.assembly import (
 from skfem_contact.bodies.member import RemoteStiffness
 from skfem_contact.digits import COMPUTED, GIVEN, ROUND_OFF
 from skfem_contact.errors import InputError, warn
+from skfem_contact.materials.material import Material
 from skfem_contact.records import sealed_matrix
 
 # A number on the diagonal of K that is larger than all others by this factor prescribes a displacement.
@@ -69,6 +70,9 @@ TAKEN = (
 ENDS = "left", "right", "bottom", "top", "front", "back"
 
 
+SECOND_ORDER = skfem.MeshTri2, skfem.MeshQuad2, skfem.MeshTet2, skfem.MeshHex2
+
+
 def facets_named(name: str, mesh: Any, what: str = "") -> Any:
     """Facets of a boundary of the mesh; `what` begins the messages.
 
@@ -82,6 +86,8 @@ def facets_named(name: str, mesh: Any, what: str = "") -> Any:
         tail = suggest(name, known, "boundaries")
         if name in ENDS:
             tail += " (default names need mesh.with_defaults(); joining meshes by + drops names)"
+        if not known and isinstance(mesh, SECOND_ORDER):
+            tail += ". scikit-fem drops the names of second-order files: sc.read_bodies keeps them"
         raise InputError(f"{what}boundary {name!r} not found in the mesh{tail}")
     if name in ENDS:
         _check_end(name, mesh, what)
@@ -256,9 +262,13 @@ def _checked(K: Any, basis: Any, whose: str, own: bool = False, symmetric: bool 
         return K
     is_matrix = issparse(K) or (isinstance(K, np.ndarray) and K.ndim == 2)
     if not is_matrix:
+        hint = " (decorate the function with @skfem.BilinearForm)" if callable(K) else ""
+        if isinstance(K, Material):
+            hint = ", a linear stiffness: take sc.NonlinearBody for this material"
+        elif isinstance(K, list | tuple) and len(K) == 2 and all(map(np.isscalar, K)):
+            hint = f": write sc.Elastic({K[0]}, {K[1]}) if these are E and nu"
         raise InputError(
-            f"K of {whose} is a {type(K).__name__}, not a sparse matrix or a skfem.BilinearForm"
-            + (" (decorate the function with @skfem.BilinearForm)" if callable(K) else "")
+            f"K of {whose} is a {type(K).__name__}, not a sparse matrix or a skfem.BilinearForm{hint}"
         )
     if K.shape != (basis.N, basis.N):
         smaller = f", or is condensed. {CONDENSED}" if K.shape[0] < basis.N else ""
@@ -421,10 +431,18 @@ def prescribed_dofs(D: Any, basis: Any, whose: str) -> np.ndarray:
 
 def _components(boundary: str, held: Any, basis: Any, whose: str) -> Any:
     """DOFs of the components of a boundary that are named, "x" or ("x", "z"); other values are DOFs."""
-    names = (held,) if isinstance(held, str) else held
-    if not (isinstance(names, list | tuple) and names and all(isinstance(name, str) for name in names)):
-        return held
+    names = held if isinstance(held, list | tuple) else (held,)
     axes = "xyz"[: basis.mesh.dim()]
+    kinds = {type(name) for name in names}
+    if kinds == {int} and len(names) <= len(axes) and all(0 <= k < len(axes) for k in names):
+        meant = ", ".join(f'"{axes[k]}"' for k in names)
+        meant = meant if len(names) == 1 else f"({meant})"
+        raise InputError(
+            f"D of {whose} has {held!r} for {boundary!r}, which would be numbers of DOFs. Components "
+            f"are named: write {{{boundary!r}: {meant}}}. DOFs by number are an array, without a name"
+        )
+    if kinds != {str}:
+        return held
     for name in names:
         if name not in tuple(axes):
             known = suggest(name, axes, "components")

@@ -68,8 +68,9 @@ class Member(NamesAttributes, ABC):
         Whether the body may turn and strain by any amount (total Lagrangian).
     pressures : ndarray or None
         Of fluids, by facet, which follow the deformed boundary [stress].
-    thermal : ndarray, shape (n,), or None
-        The load `f` of a linear body, where it stands for the strains of a temperature [force].
+    thermal : ndarray, shape (n + p,), or None
+        Where the load `f` of a body of small strains stands for those of a temperature: the load
+        [force], and the pressure at p points of integration that would hold them back [stress].
     """
 
     name: str | None
@@ -156,8 +157,8 @@ class Member(NamesAttributes, ABC):
     def apart(self, f: Any, load: np.ndarray) -> np.ndarray | None:
         """Return what has to be known of a load f beside its vector, (n,): None as a rule.
 
-        Pressures that follow the deformed boundary, by facet; of a linear body the load (n,) that
-        stands for strains of a temperature, which is no force [stress], [force].
+        Of a body of large strains pressures that follow the deformed boundary, by facet [stress]; of
+        others what belongs to strains of a temperature, whose load is no force, see `thermal`.
         """
         return None
 

@@ -21,6 +21,7 @@ from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points, dof_v
 from skfem_contact.bodies.member import Linearized, State
 from skfem_contact.bodies.selection import boundary_dofs, check_not_lost
 from skfem_contact.errors import InputError, warn
+from skfem_contact.materials.elastic import OfMaterial
 from skfem_contact.materials.material import FromFunction, Material, Split, deformation, solid
 from skfem_contact.records import dataclass
 
@@ -244,6 +245,13 @@ class NonlinearBody(Body):
         return load if pressures is None else load + self.pressed(pressures)[0]
 
     def apart(self, f: Any, load: Array) -> Array | None:
+        if not self.finite_strain:
+            return super().apart(f, load)
+        if isinstance(f, OfMaterial) and f.holding is not None:
+            warn(
+                f"body {self.name!r} may strain by large amounts, and the load of a temperature is "
+                "that of small strains: stresses of the body have its strains in them"
+            )
         return self.fluid(f)
 
     def fluid(self, f: Any) -> Array | None:

@@ -333,7 +333,7 @@ class LoadCase(ByFields):
         What holds the bolts, where there are any.
     apart : dict of ndarray
         What is known of loads by the number of their body, see `Member.apart`: pressures on all facets,
-        of which `f` has the load on the undeformed boundary, and loads of temperatures.
+        of which `f` has the load on the undeformed boundary, or those of temperatures.
     """
 
     f: Array

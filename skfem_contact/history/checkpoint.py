@@ -18,7 +18,7 @@ from skfem_contact.conditions.state import LoadCase, Motion, State
 from skfem_contact.errors import InputError, warn
 from skfem_contact.records import dataclass
 
-FORMAT = 8  # of the file; a file of another one is refused
+FORMAT = 9  # of the file; a file of another one is refused
 # What reading a file may raise that is damaged, or that is none of ours.
 DAMAGED = (OSError, ValueError, EOFError, KeyError, BadZipFile, zlib.error)
 

@@ -225,6 +225,12 @@ class StepReader:
         given = _checked(value, None, label)
         if what == "x":
             _needs_places(body, name)
+        if isinstance(body, RigidBody) and given.shape not in ((), (len(was),)):
+            named = {k: v for k, v in zip(body.directions, given.tolist(), strict=False) if v}
+            raise InputError(
+                f"{label}, which is rigid, is {shown(value)}: write {named or {'y': 0.0}}, of "
+                f"{', '.join(map(repr, body.directions))}, or {len(was)} numbers"
+            )
         if given.ndim:
             _check_size(given, len(was), label)
             return given if isinstance(scale, float) else given * scale

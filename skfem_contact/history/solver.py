@@ -107,7 +107,9 @@ class ProblemSetup(NamesAttributes):
         check_passes(self.contacts, self.names)
         warn_unfelt_wear(self.contacts, self.names)
         self._stiffness, self._own_f = self.system.linearize()
-        own = {i: b.pressures if b.nonlinear else b.thermal for i, b in enumerate(self.system.bodies)}
+        own = {
+            i: b.pressures if b.finite_strain else b.thermal for i, b in enumerate(self.system.bodies)
+        }
         self._own_apart = {i: part for i, part in own.items() if part is not None}
         for surface in (s for c in self.contacts for s in (c.secondary, c.primary)):
             # refuses what is no body of this solver

@@ -158,7 +158,11 @@ JAMMED = (
 )
 
 
-@with_known_keywords(max_candidates="write max_dense_bytes, the memory of the dense contact problem")
+@with_known_keywords(
+    max_candidates="write max_dense_bytes, the memory of the dense contact problem",
+    loop="write ContactSolver(..., loop=...)",
+    linear="write ContactSolver(..., linear=...)",
+)
 @dataclass(frozen=True)
 class Options:
     """Settings of the nonlinear loop and of load stepping; the defaults need no tuning.

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from skfem.assembly import BilinearForm, LinearForm
 from skfem.helpers import ddot, trace
 
-from skfem_contact.arguments import PrintedAsCall, with_known_keywords
+from skfem_contact.arguments import PrintedAsCall, numbers, shown, with_known_keywords
 from skfem_contact.arrays import Array
 from skfem_contact.errors import InputError
 from skfem_contact.materials.material import (
@@ -177,10 +177,11 @@ class Elastic(Isotropic):
 
         return VolumeStiffness(energy, measure, axisymmetric)
 
-    def weight(self, acceleration: ArrayLike, measure: Measure = None) -> LinearForm:
+    def weight(self, acceleration: Any, measure: Measure = None) -> LinearForm:
         """The load of the weight under an acceleration (d,), such as ``(0, -9.81)``.
 
-        A body that takes the form weighs it by its own measure.
+        Or under a function of the component-first position that returns its d components. A body that
+        takes the form weighs it by its own measure.
 
         Examples
         --------
@@ -193,13 +194,26 @@ class Elastic(Isotropic):
         >>> cube = sc.Body(basis, steel, f=steel.weight((0.0, 0.0, -9.81)), D="bottom")
         >>> f"{cube.f.sum():.0f}"
         '-77008'
+
+        Spun about the y axis at 100 rad/s:
+
+        >>> spin = steel.weight(lambda x: (100.0**2 * x[0], 0 * x[1], 100.0**2 * x[2]))
+        >>> wheel = sc.Body(basis, steel, f=spin, D="bottom")
+        >>> f"{wheel.f[wheel.dof_component == 0].sum():.0f}"
+        '39250000'
         """
-        g = np.asarray(acceleration, dtype=float)
+        if not self.density:
+            raise InputError(f"{self} has no density, and no weight: give Elastic(..., density=...)")
 
         def load(v: Any, w: Any, axisymmetric: bool) -> Any:
-            if g.shape != (len(w.x),):
-                raise InputError(f"acceleration {g} of a body in {len(w.x)}-D: give its components")
-            return self.density * sum(g[i] * v[i] for i in range(len(g)))
+            x = np.asarray(w.x)
+            given = acceleration(x) if callable(acceleration) else acceleration
+            parts = given if isinstance(given, list | tuple) or np.ndim(given) else [given]
+            usage = "give its components, or a function of the position that returns them"
+            g = [numbers(part, "acceleration", usage) for part in parts]
+            if len(g) != len(x) or any(part.shape not in ((), x.shape[1:]) for part in g):
+                raise InputError(f"acceleration {shown(given)} of a body in {len(x)}-D: {usage}")
+            return self.density * sum(part * v[i] for i, part in enumerate(g))
 
         return VolumeLoad(load, measure, axisymmetric=False)
 
@@ -210,12 +224,21 @@ class Elastic(Isotropic):
 
         A body that takes the form weighs it by its own measure.
         """
+        if not self.expansion:
+            raise InputError(f"{self} does not expand: give Elastic(..., expansion=...)")
+
+        def holding(x: Array) -> Any:
+            return (
+                3.0
+                * self.bulk
+                * self.expansion
+                * (temperature(x) if callable(temperature) else temperature)
+            )
 
         def load(v: Any, w: Any, axisymmetric: bool) -> Any:
-            T = temperature(w.x) if callable(temperature) else temperature
-            return 3.0 * self.bulk * self.expansion * T * trace(_strain(v, w, axisymmetric))
+            return holding(w.x) * trace(_strain(v, w, axisymmetric))
 
-        return VolumeLoad(load, measure, axisymmetric, strains=True)
+        return VolumeLoad(load, measure, axisymmetric, holding)
 
 
 class OfMaterial:
@@ -228,23 +251,24 @@ class OfMaterial:
     measure : callable or None
         Weight of the area for those who assemble the form themselves.
     axisymmetric : bool
-    strains : bool
-        Whether a load stands for strains without stress, such as those of a temperature.
+    holding : callable or None
+        Of a load that stands for strains without stress, such as those of a temperature: the pressure
+        by position that would hold them back [stress].
     """
 
-    def __init__(self, work: Any, measure: Measure, axisymmetric: bool, strains: bool = False) -> None:
+    def __init__(self, work: Any, measure: Measure, axisymmetric: bool, holding: Any = None) -> None:
         def weighed(*fields: Any) -> Any:
             found = work(*fields, axisymmetric)
             return found if measure is None else found * measure(fields[-1].x)
 
         super().__init__(weighed)  # type: ignore[call-arg]
-        self._work, self.strains = work, strains
+        self._work, self.holding = work, holding
 
     def on(self, measure: Measure, axisymmetric: bool) -> Any:
         """The same form of a body with this measure; as it is where the body has none."""
         if measure is None:
             return self
-        return type(self)(self._work, measure, axisymmetric, self.strains)
+        return type(self)(self._work, measure, axisymmetric, self.holding)
 
 
 class VolumeLoad(OfMaterial, LinearForm):

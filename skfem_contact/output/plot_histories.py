@@ -337,7 +337,8 @@ def _force_and_way(
         raise InputError(f"body {known[i]!r} has boundaries: say of which one, boundary='top'")
     dofs = boundary_dofs(own.basis, boundary, f"force on body {known[i]!r}")
     span, u = answer.system.slice(own), answer.displacement(own)
-    thermal = 0.0 if own.nonlinear else answer.case.apart.get(i, 0.0)  # strains, and no force
+    apart = {} if own.finite_strain else answer.case.apart
+    thermal = apart[i][: own.n] if i in apart else 0.0  # strains, and no force
     outside = (answer.internal[span] - contact_forces(answer)[span] - thermal)[dofs]
     axis = own.dof_component[dofs]
     force = np.array([outside[axis == k].sum() for k in range(own.components)])

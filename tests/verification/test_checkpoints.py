@@ -406,7 +406,7 @@ def test_damaged_files_are_refused_in_words(tmp_path):
     with np.load(path) as file:
         data = dict(file)
     np.savez(tmp_path / "old.npz", **{**data, "format": 4})
-    with pytest.raises(sc.errors.InputError, match="has format 4, this version reads 8"):
+    with pytest.raises(sc.errors.InputError, match="has format 4, this version reads 9"):
         solver.load_state(tmp_path / "old.npz")
     del data["state_slip"]
     np.savez(tmp_path / "part.npz", **data)

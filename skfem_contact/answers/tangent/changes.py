@@ -266,7 +266,7 @@ def _in_scene(solver: Any, tangent: Tangent) -> Values:
     borne = [_borne(there, K, answer.stretched(body)) for body, there, K in bodies]
     f = case.f + kin.B_n.T @ local.normal_force
     for i, body in enumerate(solver.system.bodies):
-        if body.nonlinear and i in case.apart:
+        if body.finite_strain and i in case.apart:
             part = solver.system.slice(body)
             f[part] += fluid_beyond(body, case.apart[i], u[part])[0]
     gap0 = np.where(kin.paired, case.gap0, 0.0) + np.where(kin.paired, kin.B_n @ u, 0.0)

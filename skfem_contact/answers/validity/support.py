@@ -262,7 +262,8 @@ def surface_turns(system: System, contacts: Sequence[Contact], surface: Array) -
     """The rotation (d, d) of each body, with a point (d,) and where that has come, by name.
 
     Those of the rigid motion that is closest to the displacements of all nodes of a body that belong to
-    a surface that slides far. Bodies without such a surface are left out.
+    a surface that slides far. Bodies without such a surface are left out, and those of large strains,
+    which follow any rotation.
 
     Parameters
     ----------
@@ -277,7 +278,8 @@ def surface_turns(system: System, contacts: Sequence[Contact], surface: Array) -
         for side in (contact.secondary, contact.primary):
             if contact.sliding == "small" or not isinstance(side, ContactSurface):
                 continue
-            if side.dofs.shape[1] != side.dim:
+            # of faces that meet the closest rigid motion has part of a large strain in it
+            if side.dofs.shape[1] != side.dim or side.body.finite_strain:
                 continue
             i = system.index(side.body)
             u = surface[np.searchsorted(dofs, system.offsets[i] + side.dofs)]
