@@ -46,7 +46,8 @@ from skfem_contact.bodies.inputs import csr32
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.discretisation import pair
-from skfem_contact.conditions.interface import point_labels, secondary_dofs
+from skfem_contact.conditions.geometry import secondary_dofs
+from skfem_contact.conditions.interface import point_labels
 from skfem_contact.conditions.kinematics import join, kinematics
 from skfem_contact.digits import SOLVED
 from skfem_contact.elimination.pivoting import AGREEMENT, FloatArray, IntArray, find_pivots, row_maximum

@@ -13,6 +13,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -155,7 +156,7 @@ class StepSolver(ByFields):
         x[D[elsewhere]] = found[elsewhere]
         return replace(case, x=x)
 
-    @once
+    @cached_property
     def watch(self) -> Watch:
         """Return what is looked at after every step, made in the first."""
         model = self.stepper.model

@@ -27,7 +27,7 @@ from skfem_contact.answers.validity.overlaps import (
     sides_of,
     unselected_words,
 )
-from skfem_contact.answers.validity.strain import lockable, locked, may_lock, strains
+from skfem_contact.answers.validity.strain import lockable, locked, strains
 from skfem_contact.answers.validity.support import (
     Support,
     leaning,
@@ -55,7 +55,7 @@ from skfem_contact.answers.validity.validity import (
     strain_words,
 )
 from skfem_contact.arrays import Array, Index
-from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.body import Body, may_lock
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
@@ -126,7 +126,7 @@ class Watch:
             for b, (name, support) in enumerate(zip(names, self.supports, strict=True))
             if len(support.dofs) and name in solids
         }
-        self.may_lock = any(map(may_lock, bodies))  # whatever the answer is
+        self.may_lock = any(map(may_lock, solids.values()))  # whatever the answer is
 
     def _known(self, b: int) -> Index:
         """DOFs of a body at its supports and contacts."""
@@ -164,15 +164,15 @@ class Watch:
         x, u, known = result.case.x, np.zeros(0), result.diagnostics
         if self.asks:  # where bodies slide along an axis their contact DOFs do not tell
             u = result.u if self.inside else result.recover.at_contact()
-        motions = [support.motion(x) for support in self.supports]
+        motions, off = zip(*(support.fitted(x) for support in self.supports), strict=True)
         drifts = tuple(track.look(result, motions, u) for track in self.tracks)
         turns = {
             name: float(m[2] if len(m) == 3 else np.linalg.norm(m[3:])) / self.supports[b].arm
             for name, b in self.turning.items()
             for m in [motions[b]]
         }
-        stretches = {name: self.supports[b].off_rigid(x) for name, b in self.turning.items()}
-        stretches |= {name: support.off_rigid(u) for name, support in self.floating.items()}
+        stretches = {name: off[b] for name, b in self.turning.items()}
+        stretches |= {name: support.fitted(u)[1] for name, support in self.floating.items()}
         shares = known.leaning
         if len(result.state.surface):  # of what slides far
             far = surface_turns(self.system, self.contacts, result.state.surface)
