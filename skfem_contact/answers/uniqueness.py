@@ -406,7 +406,8 @@ def critical_friction(space: PointSpace, status: Index, friction: Array, G: Arra
     >>> critical_friction(PointSpace(S, np.array([0]), np.array([[1, 2]])), status, mu, G).round(3)
     array([2.828])
     """
-    able, exists = _able(space, friction), space.tangential_rows >= 0
+    exists = space.tangential_rows >= 0
+    able = np.isfinite(friction) & (space.normal_rows >= 0) & exists.any(axis=1)  # gap and slip change
     soft = (status != OPEN) & able & np.isfinite(G)
     free, A = _unheld(space, status == OPEN, soft, _isotropic(space, G))
     place = np.full(len(space.S), -1)
@@ -568,12 +569,6 @@ def _least(K: Array, k: Array, over: Array, scale: Array) -> Array:
     out = np.full(len(k), np.inf)
     out[clear] = found
     return out
-
-
-def _able(space: PointSpace, friction: Array) -> Mask:
-    """Points with friction whose gap and slip can change."""
-    slips = (space.tangential_rows >= 0).any(axis=1)
-    return np.asarray(np.isfinite(friction) & (space.normal_rows >= 0) & slips)
 
 
 def _isotropic(space: PointSpace, G: Array) -> Array:

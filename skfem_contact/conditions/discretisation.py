@@ -276,7 +276,9 @@ def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: P
     apart = [angle_between(pairing.normal, side) for side in (of_secondary, of_primary)]
     turns = pairing.paired & (np.maximum(*apart) > GIVEN)
     if secondary.dim == 2:
-        turns &= ~_mirrored(secondary)
+        # not on a line of symmetry, in which the node's own normal lies exactly
+        across = np.abs(np.sum(secondary.normals * secondary.held, axis=1))
+        turns &= (secondary.held.sum(axis=1) != 1) | (across > GIVEN)
     if not turns.any():
         return pairing
     soft_s = _mean(pairing.secondary_weights, compliances(secondary))
@@ -300,12 +302,6 @@ def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: P
         measured = np.maximum(measured, np.minimum(pairing.least_gap, pairing.gap))
     gap = np.where(turns, measured, pairing.gap)
     return replace(pairing, normal=normal, tangent=tangents(normal), gap=gap)
-
-
-def _mirrored(surface: ContactSurface) -> Mask:
-    """Nodes on a line of symmetry, whose own normal lies in it exactly, shape (m,)."""
-    across = np.abs(np.sum(surface.normals * surface.held, axis=1))
-    return np.asarray((surface.held.sum(axis=1) == 1) & (across <= GIVEN))
 
 
 def _mean(weights: csr_matrix, values: Array) -> Array:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -254,10 +253,6 @@ class Identity:
                 f"contact {str(self.contacts[i])!r} here: it has other surfaces, or another sliding"
             )
         return ""
-
-    def as_arrays(self) -> dict[str, NDArray[Any]]:
-        """By name, for a file."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
 def digest(numbers: Any) -> str:

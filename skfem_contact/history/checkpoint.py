@@ -104,7 +104,7 @@ def save_state(path: str | Path, result: Answer | SavedState) -> Path:
     data["case_scale"] = [np.nan if scale is None else scale for scale in (*case.scale, case.factor)]
     data["dissipation_before"] = result.dissipation_before
     data["dissipation_by_contact"] = result.dissipation_by_contact
-    data |= {f"identity_{name}": value for name, value in result.identity.as_arrays().items()}
+    data |= {f"identity_{f.name}": getattr(result.identity, f.name) for f in fields(Identity)}
     data |= {"converged": result.converged, "message": result.message}
     data |= _materials(result) | {f"apart_{i}": value for i, value in case.apart.items()}
     _write(path, data)

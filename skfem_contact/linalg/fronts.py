@@ -394,7 +394,9 @@ def analyse(
     at = np.searchsorted(keys, up[far] * n + border[far])
     target[far] = pivots[up[far]] + at - first[up[far]]
     panel = np.concatenate(([0], np.cumsum(pivots * (pivots + np.diff(first)))))
-    schedule = _depth_first(parent)
+    # children before parents, and every subtree without interruption
+    tree = csr_matrix((np.ones(last), (parent[:-1], np.arange(last))), shape=(last + 1, last + 1))
+    schedule = depth_first_order(tree, last, return_predecessors=False)[::-1].tolist()
     return Fronts(order, position, start, parent, first, border, keys, target, panel, schedule)
 
 
@@ -438,14 +440,6 @@ def find_runs(fronts: Fronts) -> list[list[tuple[int, int, int]]]:
     local = (begin - offset).tolist(), (end - offset).tolist(), row.tolist()
     runs = list(zip(*local, strict=True))
     return [runs[a:b] for a, b in pairwise(bounds.tolist())]
-
-
-def _depth_first(parent: np.ndarray) -> list[int]:
-    """All fronts, children before parents and every subtree without interruption."""
-    last = parent.size - 1
-    tree = csr_matrix((np.ones(last), (parent[:-1], np.arange(last))), shape=(last + 1, last + 1))
-    found: list[int] = depth_first_order(tree, last, return_predecessors=False)[::-1].tolist()
-    return found
 
 
 def checked_matrix(

@@ -63,7 +63,10 @@ def closest_facets(
 ) -> tuple[Index, Index, Array]:
     """Points that have a partner, in their order, their facets, and reference coordinates there."""
     side = Side(secondary, primary, outside, inside, margins(secondary, primary, extended))
-    m, guesses = len(secondary.points), _guesses(secondary, primary)
+    # the facet nearest to each point and, for where it is no partner, the next one, (m, 2 or 1)
+    middles = Tree(primary.points.take(primary.facets, axis=0).mean(axis=1))
+    few = np.arange(1, min(2, len(primary.facets)) + 1)
+    m, guesses = len(secondary.points), middles.query(secondary.points, k=few, ordered=True)[1]
     bound, found, known = np.full(m, np.inf), [], np.full(guesses.shape, -1)
     # first guesses bound the distance: the exact search then is short
     for column, guess in enumerate(guesses.T):
@@ -94,13 +97,6 @@ def closest_facets(
     near = np.flatnonzero(distance <= nearest[point] + SOLVED * primary.lengths[facet])
     chosen = near[_most_opposite(secondary, primary, point[near], facet[near])]
     return point[chosen], facet[chosen], xi[chosen]
-
-
-def _guesses(secondary: ContactSurface, primary: ContactSurface) -> Index:
-    """The facet nearest to each point and, for where it is no partner, the next one, (m, 2 or 1)."""
-    middles = Tree(primary.points.take(primary.facets, axis=0).mean(axis=1))
-    few = np.arange(1, min(2, len(primary.facets)) + 1)
-    return middles.query(secondary.points, k=few, ordered=True)[1]
 
 
 def _most_opposite(

@@ -165,7 +165,9 @@ def dual_mortar(
     M, facet = primary_matrix(moments, basis.A)
     of_secondary, of_primary = mortar_normals(moments, basis.A, normal)
     M = M if exchange is None else M + exchange
-    paired = (area > 0) & ~shared_nodes(secondary, primary)
+    paired = area > 0
+    if secondary.body is primary.body:  # nodes on both (the tip of a slit) can not meet themselves
+        paired &= ~np.isin(secondary.dofs[:, 0], primary.dofs[:, 0])
     sums = np.asarray(np.bincount(entries(M)[0], M.data, len(paired)), dtype=float)
     W_s, W_m = weights = divided(D, area, paired), divided(M, sums, paired)
     for W in weights:
@@ -395,13 +397,6 @@ def divided(matrix: csr_matrix, by: Array, paired: Mask) -> csr_matrix:
         np.concatenate([[0], np.cumsum(np.where(paired, np.diff(matrix.indptr), 0))]),
     )
     return csr_matrix((value[keep] / by[row], column[keep], start), shape=matrix.shape)
-
-
-def shared_nodes(secondary: ContactSurface, primary: ContactSurface) -> Mask:
-    """Nodes that are on both surfaces (the tip of a slit) and can not meet themselves."""
-    if secondary.body is not primary.body:
-        return np.zeros(len(secondary.points), dtype=bool)
-    return np.isin(secondary.dofs[:, 0], primary.dofs[:, 0])
 
 
 def node_directions(surface: ContactSurface, total: Array, area: Array) -> Array:

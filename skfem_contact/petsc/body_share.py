@@ -96,7 +96,8 @@ class BodyShare(Share):
         """Factorise the interior."""
         super().set_up()
         if self.has_complement:
-            solve_eliminated(self.ksp.getPC().getFactorMatrix())
+            # which part of solutions is asked for: that of the eliminated rows alone
+            self.ksp.getPC().getFactorMatrix().setMumpsIcntl(26, 0)
 
     @property
     def _package(self) -> str:
@@ -267,11 +268,6 @@ def leave_schur(PETSc: Any, factors: Any, rows: Index) -> None:
     wanted = PETSc.IS().createGeneral(rows.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
     _call(PETSc, "MatFactorSetSchurIS", ctypes.c_void_p(factors.handle), ctypes.c_void_p(wanted.handle))
     wanted.destroy()
-
-
-def solve_eliminated(factors: Any) -> None:
-    """Let solves be with the eliminated rows alone; to be said once the factors are there."""
-    factors.setMumpsIcntl(26, 0)  # which part of the solution is asked for: that of these rows alone
 
 
 def schur_complement(PETSc: Any, factors: Any, n: int) -> Array:

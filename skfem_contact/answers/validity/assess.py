@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.validity.deformed_boundaries import Boundary, boundary
+from skfem_contact.answers.validity.deformed_boundaries import boundary
 from skfem_contact.answers.validity.overlaps import (
     Overlaps,
     at_obstacle,
@@ -334,7 +334,8 @@ class Assessment:
         self.lockable = lockable(result)
         self.meetings = dict(result.diagnostics.meetings)
         # each measure once
-        self.strains, self.boundary = cache(self._strains), cache(self._boundary)
+        self.strains = cache(lambda name: strains(self.solids[name], result.stretched(name)))
+        self.boundary = cache(lambda name: boundary(self.solids[name], result.displacement(name)))
         self.drift, self.contact = cache(self._drift), cache(self._contact)
 
     def problems(
@@ -367,14 +368,6 @@ class Assessment:
         return f"Contact {self.result.names[i]!r} ({self.result.contacts[i].label}): "
 
     # -- bodies -------------------------------------------------------------------------------
-
-    def _strains(self, name: str) -> tuple[float, float, float]:
-        """Mean and largest strain, and rotation, of a body; see `strain.strains`."""
-        return strains(self.solids[name], self.result.stretched(name))
-
-    def _boundary(self, name: str) -> Boundary:
-        """The deformed boundary of a body."""
-        return boundary(self.solids[name], self.result.displacement(name))
 
     def of_body(self, name: str) -> dict[str, str]:
         """Return what is beyond its bound of one body, in words by kind.
