@@ -195,10 +195,10 @@ class LinearModel:
         """
         with self._lock:
             old, new = self.choice, self.choice.expecting(steps)
-            # those have their choice from here
-            used, same = self._decided or "bodies" in vars(self) or self._sprung, new.route == old.route
-            if used and not (same and new.few_steps == old.few_steps):
-                return self._like(reuse=self.substructures if same else (), steps=new.steps)
+            if self._decided or "bodies" in vars(self) or self._sprung:  # which have their choice here
+                same = new.route == old.route
+                if not same or new.few_steps != old.few_steps:
+                    return self._like(reuse=self.substructures if same else (), steps=new.steps)
             self.choice = new
             return self
 

@@ -178,17 +178,18 @@ class Watch:
             far = surface_turns(self.system, self.contacts, result.state.surface)
             turns |= rigid_rotations(far)
             shares = shares | turned(result, far, self.supports, [d.approach for d in drifts])
-        found = [
-            self.overlaps.undetected(track, result, u, drift)
-            for track, drift in zip(self.tracks, drifts, strict=True)
-        ]
+        undetected = {
+            i: text
+            for i, (track, drift) in enumerate(zip(self.tracks, drifts, strict=True))
+            if track.rigid and (text := self.overlaps.undetected(track, result, u, drift))
+        }
         return replace(
             known,
             drifts=drifts,
             turns=turns,
             tracks=self.tracks,
-            intrusions=self.overlaps.look_far(result, drifts),
-            undetected={i: text for i, text in enumerate(found) if text},
+            intrusions=self.overlaps.look_far(result, drifts) if self.overlaps.far else frozenset(),
+            undetected=undetected,
             leaning=shares,
             stretches=stretches,
         )
@@ -199,7 +200,8 @@ class Watch:
         suspected, looked = self._suspected(result)
         bodies, seen = self._strained(result)
         looked |= seen
-        if not (suspected or bodies or looked or leaning(self.system, known.leaning, known.issued)):
+        leans = known.leaning and leaning(self.system, known.leaning, known.issued)
+        if not (suspected or bodies or looked or leans):
             return known
         measured = Assessment(result)
         problems = measured.problems(suspected, bodies, known.issued)
