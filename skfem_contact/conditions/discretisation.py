@@ -77,7 +77,9 @@ def pair(
     else:
         partner = primary.moved(moved[1]) if len(moved) else primary
     if partner is None:
-        pairing = _by_distance(contact, secondary, placed)
+        pairing = _near(contact, placed.pair(secondary))
+        away = np.where(pairing.paired, pairing.gap, 0.0)[:, None] * pairing.normal
+        pairing = _with_signs(contact, secondary, pairing, away)
     elif partner.dim != secondary.dim:
         raise _unlike(contact, partner.dim)
     else:
@@ -102,13 +104,6 @@ def _unlike(contact: Contact, d: int) -> InputError:
         f"contact {contact.label}: surface {contact.secondary.label!r} is {contact.secondary.dim}-D, "
         f"{kind}{contact.primary.label!r} {d}-D"
     )
-
-
-def _by_distance(contact: Contact, secondary: ContactSurface, obstacle: Obstacle) -> Pairing:
-    """Pair nodes with an obstacle that is known by its distances."""
-    pairing = _near(contact, obstacle.pair(secondary))
-    away = np.where(pairing.paired, pairing.gap, 0.0)[:, None] * pairing.normal
-    return _with_signs(contact, secondary, pairing, away)
 
 
 def _pair_surfaces(

@@ -65,7 +65,9 @@ class SingleThreaded:
                 for library in _blas().lib_controllers:
                     # asking takes a microsecond, setting twenty
                     if (count := library.num_threads) != 1:
-                        (own if _of_each_thread(library) else self).taken.append((library, count))
+                        layer = getattr(library, "threading_layer", "")
+                        of_each_thread = library.internal_api == "mkl" or layer == "openmp"
+                        (own if of_each_thread else self).taken.append((library, count))
                         _set(library, 1)
                 self._inside += 1
         own.depth += 1
@@ -86,11 +88,6 @@ class _Own(local):
 
     def __init__(self) -> None:
         self.depth, self.taken = 0, list[tuple[Any, int]]()
-
-
-def _of_each_thread(library: Any) -> bool:
-    """Return whether each Python thread has a setting of its own."""
-    return library.internal_api == "mkl" or getattr(library, "threading_layer", "") == "openmp"
 
 
 def _set(library: Any, count: int) -> None:

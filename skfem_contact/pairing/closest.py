@@ -12,7 +12,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.projection import Feet, Joints, across_edges, interpolated_normals, project
-from skfem_contact.pairing.search import FACING, FacetTree, Nodes, closest_candidates
+from skfem_contact.pairing.search import FACING, FacetTree, closest_candidates
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
 
@@ -304,11 +304,9 @@ def nearby_facets(surface: ContactSurface, points: Array) -> tuple[Index, Index]
     middles = surface.kind.shapes(surface.kind.middle)[0] @ surface.points[surface.facets]
     bound = Tree(np.concatenate([surface.points, middles])).distances(points)
     bound += SOLVED * surface.lengths.max()
-
-    def in_reach(point: Index, nodes: Nodes) -> Mask:
-        return np.asarray(sizes(points[point] - nodes.centre) - nodes.radius <= bound[point])
-
-    found = FacetTree.build(surface, len(points), cones=False).descend(len(points), in_reach)
+    found = FacetTree.build(surface, len(points), cones=False).descend(
+        len(points), lambda p, nodes: sizes(points[p] - nodes.centre) - nodes.radius <= bound[p]
+    )
     point, facet = (np.concatenate(column) for column in zip(*found, strict=True))
     return point, facet
 

@@ -268,7 +268,10 @@ def secondary_matrix(
     part = data.sum(axis=2)
     area = np.asarray(np.bincount(surface.facets.ravel(), part.ravel(), m), dtype=float)
     total = summed(surface.facets, part[:, :, None] * surface.facet_node_normals, m)
-    return D, area, -node_directions(surface, total, area)
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    # opposite sides cancel at no corner but a crack tip; there the node's own will do
+    known = length > SOLVED * area[:, None]
+    return D, area, -np.divide(total, length, out=surface.normals.copy(), where=known)
 
 
 def primary_matrix(moments: Moments, A: Array) -> tuple[csr_matrix, Index]:
@@ -397,14 +400,6 @@ def divided(matrix: csr_matrix, by: Array, paired: Mask) -> csr_matrix:
         np.concatenate([[0], np.cumsum(np.where(paired, np.diff(matrix.indptr), 0))]),
     )
     return csr_matrix((value[keep] / by[row], column[keep], start), shape=matrix.shape)
-
-
-def node_directions(surface: ContactSurface, total: Array, area: Array) -> Array:
-    """Unit vectors along weighted sums of normals (m, d), whose weights add up to the areas (m,)."""
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    # opposite sides cancel at no corner but a crack tip; there the node's own will do
-    known = length > SOLVED * area[:, None]
-    return np.divide(total, length, out=surface.normals.copy(), where=known)
 
 
 def weighted_gaps(
