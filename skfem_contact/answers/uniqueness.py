@@ -432,12 +432,7 @@ def critical_friction(space: PointSpace, status: Index, friction: Array, G: Arra
 
 
 def orientation(
-    space: PointSpace,
-    status: Index,
-    tangential_force: Array,
-    friction: Array,
-    G: Array,
-    springs: Array,
+    space: PointSpace, status: Index, tangential_force: Array, friction: Array, G: Array, springs: Array
 ) -> int:
     """Sign of the determinant of the linear problem that an answer solves: 1, -1, or 0 for round-off.
 

@@ -25,12 +25,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.discretisation import carriers
-from skfem_contact.conditions.orthotropic import (
-    OrthotropicCoulomb,
-    combinations,
-    duals,
-    material_frame,
-)
+from skfem_contact.conditions.orthotropic import OrthotropicCoulomb, combinations, duals, material_frame
 from skfem_contact.conditions.rows import (
     Lever,
     Sides,

@@ -196,11 +196,7 @@ def _columns(A: sp.csr_matrix, mask: Mask) -> tuple[IntArray, sp.csr_matrix]:
 
 
 def _identity_and_rows(
-    independent: IntArray,
-    dependent: IntArray,
-    coefficients: sp.csr_matrix,
-    number: IntArray,
-    n: int,
+    independent: IntArray, dependent: IntArray, coefficients: sp.csr_matrix, number: IntArray, n: int
 ) -> sp.csr_matrix:
     """T from its parts: one on `independent`, `coefficients` on `dependent`, zero elsewhere.
 

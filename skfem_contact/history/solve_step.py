@@ -208,10 +208,7 @@ class StepSolver(ByFields):
         return start.identity is geometry.identity
 
     def _answer(
-        self,
-        found: EquilibriumSearch | NonlinearSearch,
-        verdict: Verdict,
-        seconds: float,
+        self, found: EquilibriumSearch | NonlinearSearch, verdict: Verdict, seconds: float
     ) -> Answer:
         way = found.advance
         attempt, recovery = way.attempt, found.recovery

@@ -21,11 +21,7 @@ from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.loops.active_set import friction_of_prescribed_slip
 from skfem_contact.loops.driver import LOOPS, Options, Outcome, drive
 from skfem_contact.loops.multipliers import Collision
-from skfem_contact.loops.starts import (
-    DENSE,
-    possible_starts,
-    starting_values,
-)
+from skfem_contact.loops.starts import DENSE, possible_starts, starting_values
 from skfem_contact.loops.step import Step
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.points import Load

@@ -119,9 +119,7 @@ class Bisection:
 
 
 def advance(
-    by: Stepper,
-    step: LoadStep,
-    doubt: Callable[[Attempt, bool], bool] | None = None,
+    by: Stepper, step: LoadStep, doubt: Callable[[Attempt, bool], bool] | None = None
 ) -> Advance:
     """Solve a load step, in parts where it fails; the last attempt says whether it arrived.
 

@@ -272,11 +272,7 @@ def leave_schur(PETSc: Any, factors: Any, rows: Index) -> None:
 
 def schur_complement(PETSc: Any, factors: Any, n: int) -> Array:
     """A copy of what is left, (n, n), on rank 0: of its two triangles only one is good."""
-    held, matrix, status = (
-        ctypes.c_void_p(factors.handle),
-        ctypes.c_void_p(),
-        ctypes.c_int(),
-    )
+    held, matrix, status = (ctypes.c_void_p(factors.handle), ctypes.c_void_p(), ctypes.c_int())
     _call(PETSc, "MatFactorGetSchurComplement", held, ctypes.byref(matrix), ctypes.byref(status))
     start = ctypes.POINTER(ctypes.c_double)()
     _call(PETSc, "MatDenseGetArrayRead", matrix, ctypes.byref(start))

@@ -52,11 +52,7 @@ from skfem_contact.linalg.dense_factors import (
 )
 from skfem_contact.linalg.direct import Direct, as_linear_solver
 from skfem_contact.linalg.fronts import FactorSize
-from skfem_contact.problem.seam import (
-    ContactProblem,
-    PosedOn,
-    Source,
-)
+from skfem_contact.problem.seam import ContactProblem, PosedOn, Source
 from skfem_contact.problem.substructure import Components, Substructure
 from skfem_contact.problem.zone import KEPT_BESIDE, PointProblem
 from skfem_contact.records import once

@@ -296,11 +296,7 @@ def at_obstacle(result: Answer, i: int, body: Callable[[], Boundary]) -> Meeting
 
 
 def crossing(
-    track: ContactWatch,
-    points: Sequence[Array],
-    added: Array,
-    approach: float,
-    noise: float,
+    track: ContactWatch, points: Sequence[Array], added: Array, approach: float, noise: float
 ) -> Crossing | None:
     """Measure how edges of two solids cross.
 

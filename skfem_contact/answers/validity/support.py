@@ -299,10 +299,7 @@ def _angle(turn: Array) -> float:
 
 
 def turned(
-    result: Answer,
-    turns: Mapping[str, Turn],
-    supports: Sequence[Support],
-    approaches: Sequence[float],
+    result: Answer, turns: Mapping[str, Turn], supports: Sequence[Support], approaches: Sequence[float]
 ) -> dict[str, float]:
     """What linear bodies leave out that turn, over what it is a part of, by name: see the module.
 

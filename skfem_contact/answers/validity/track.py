@@ -316,17 +316,8 @@ class ContactWatch(Track):
     def carried(self) -> ContactWatch:
         """What an answer takes along, without what steps alone look with: it comes from the bodies."""
         out = copy(self)
-        for name in (
-            "geometry",
-            "motions",
-            "loose",
-            "soft",
-            "spared",
-            "borne",
-            "held",
-            "inside",
-            "asks",
-        ):
+        steps = ("geometry", "motions", "loose", "soft", "spared", "borne", "held", "inside", "asks")
+        for name in steps:
             delattr(out, name)
         return out
 
