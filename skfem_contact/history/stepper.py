@@ -102,7 +102,7 @@ class Stepper(ByFields):
         """
         interface = self.model.interface
         linear = all(
-            law.is_linear and (isinstance(law.law, Tresca) or not interface.bilateral[part].any())
+            law.law.is_linear and (isinstance(law.law, Tresca) or not interface.bilateral[part].any())
             for part, law in interface.laws
         )
         return linear and not self.model.geometry.follows
