@@ -35,12 +35,11 @@ from skfem_contact.bodies.facet_kinds import area_integrals
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, NoBody
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.conditions.rows import held_rows
 from skfem_contact.digits import COMPUTED, DECIMALS, GIVEN, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import MotionLike, Obstacle
 from skfem_contact.pairing.corners import Names, corner_contacts
-from skfem_contact.pairing.dual import can_move
+from skfem_contact.pairing.dual import can_move, held_rows
 from skfem_contact.pairing.mortar import dual_mortar
 from skfem_contact.pairing.node import Pairing, at_control_points, gap_vectors, node_to_segment
 from skfem_contact.pairing.projection import rim_points

@@ -355,4 +355,5 @@ def _on_free(B: csr_matrix, D: Index) -> Array:
     """Sum of the sizes of the entries of each row that are at DOFs which are not prescribed."""
     free = np.ones(B.shape[1])
     free[D] = 0.0
-    return np.asarray(abs(B) @ free)
+    row = np.repeat(np.arange(B.shape[0]), np.diff(B.indptr))
+    return np.asarray(np.bincount(row, np.abs(B.data) * free[B.indices], B.shape[0]), dtype=float)

@@ -21,9 +21,8 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.obstacles.rigid_body import RigidBody
-from skfem_contact.pairing.dual import MOVING_SHARE, can_move
+from skfem_contact.pairing.dual import MOVING_SHARE, held_rows
 from skfem_contact.pairing.node import Pairing
-from skfem_contact.pairing.search import FACING
 from skfem_contact.records import dataclass
 
 
@@ -193,23 +192,6 @@ class Sides:
         spread = assembled((rows, columns), data, (len(paired), system.n))
         spread.eliminate_zeros()
         return spread
-
-
-def held_rows(sides: Sequence[Side], direction: Array) -> Mask:
-    """Rows that no route may close: neither side moves along `direction` (m, d), shape (m,).
-
-    On the secondary a tenth of the weights is enough to move, it is what the row is given up for.
-    """
-    held = np.ones(len(direction), dtype=bool)
-    for (weights, surface, _), least in zip(sides, (FACING, MOVING_SHARE), strict=False):
-        if not surface.held.any():
-            return np.zeros(len(direction), dtype=bool)
-        row, node, weight = entries(weights)
-        moving = can_move(surface.held[node], direction[row])
-        size, m = np.abs(weight), len(direction)
-        free = np.bincount(row, size * moving, m)
-        held &= free < least * np.bincount(row, size, m)
-    return held
 
 
 def block_places(blocks: bsr_matrix) -> tuple[Index, Index]:

@@ -76,8 +76,9 @@ from functools import lru_cache
 import numpy as np
 from scipy.sparse import csr_matrix, diags
 
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, entries
 from skfem_contact.bodies.facet_kinds import FacetKind, positive_functions
+from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import GIVEN, SINGLE
 from skfem_contact.pairing.search import FACING
 from skfem_contact.pairing.segmentation import Segmentation
@@ -336,6 +337,23 @@ def can_move(fixed: Mask, direction: Array) -> Mask:
     """
     size = np.abs(direction)
     return np.asarray(np.sum(size * ~fixed, axis=-1) >= FACING * size.sum(axis=-1))
+
+
+def held_rows(sides: Sequence[tuple[csr_matrix, ContactSurface, float]], direction: Array) -> Mask:
+    """Rows that no route may close: neither side moves along `direction` (m, d), shape (m,).
+
+    On the secondary a tenth of the weights is enough to move, it is what the row is given up for.
+    """
+    held = np.ones(len(direction), dtype=bool)
+    for (weights, surface, _), least in zip(sides, (FACING, MOVING_SHARE), strict=False):
+        if not surface.held.any():
+            return np.zeros(len(direction), dtype=bool)
+        row, node, weight = entries(weights)
+        moving = can_move(surface.held[node], direction[row])
+        size, m = np.abs(weight), len(direction)
+        free = np.bincount(row, size * moving, m)
+        held &= free < least * np.bincount(row, size, m)
+    return held
 
 
 def without_multiplier(rank: Index) -> Mask:
