@@ -167,22 +167,7 @@ _LATER = {
     "write_series": "output.vtk",
 }
 
-_PACKAGES = (
-    "answers",
-    "assemblies",
-    "bodies",
-    "conditions",
-    "elimination",
-    "errors",
-    "history",
-    "linalg",
-    "loops",
-    "materials",
-    "obstacles",
-    "output",
-    "petsc",
-    "reference",
-)
+_PACKAGES = [name for name in __all__ if name.islower() and name not in _LATER]
 
 
 def __getattr__(name: str) -> Any:

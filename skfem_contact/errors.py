@@ -188,11 +188,7 @@ class NoEquilibrium(ContactError):
     """
 
     def __init__(
-        self,
-        message: str,
-        bodies: tuple[str, ...] = (),
-        motion: str = "",
-        result: Any = None,
+        self, message: str, bodies: tuple[str, ...] = (), motion: str = "", result: Any = None
     ) -> None:
         super().__init__(message)
         self.bodies = bodies

@@ -74,9 +74,6 @@ def compared(linear: Any, body: sc.Body, K: Any, A: csr_matrix, keep: np.ndarray
         "order": float((np.sort(found.order) != np.arange(len(free))).any()),
         "memory": float(found.memory <= 8 * len(place) ** 2),
     }
-    S = found.S.copy()
-    taken = found.take_S()
-    out["taken"] = float(found.S.size > 0 or not np.array_equal(taken, S))
     return out
 
 

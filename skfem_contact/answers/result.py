@@ -30,7 +30,6 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.state import OPEN, SLIP
-from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
 from skfem_contact.loops.step import Record
 from skfem_contact.obstacles.rigid_body import RigidBody
@@ -523,7 +522,9 @@ class ContactResult(OfTheContact):
         for text in self.validity.problems.values():
             lines += [f"  ! {textwrap.fill(text, 96, subsequent_indent='    ')}"]
         answer = self._answer
-        other_answers = [*_jump_lines(answer), *_fall_lines(answer), *_uniqueness_lines(self)]
+        from skfem_contact.answers.uniqueness import fall_lines, jump_lines
+
+        other_answers = [*jump_lines(answer), *fall_lines(answer), *_uniqueness_lines(self)]
         lines += ["", *other_answers] if other_answers else []
         return "\n".join([*lines, *_last_lines(self)])
 
@@ -707,53 +708,6 @@ def _shown(known: Uniqueness) -> str:
     if known.unique_up_to > 0:
         words += f"; that it has none is shown for friction up to {known.unique_up_to:.2g} times this"
     return words
-
-
-def _jump_lines(answer: Answer) -> list[str]:
-    """Say what a report says of friction that is lost all at once where a point opens."""
-    lines, slip = [], answer.local.slip - answer.local.reference
-    for contact, part, name, law in answer.frictional():
-        if contact.bilateral:
-            continue
-        at_opening = law.limit(np.zeros(len(slip[part])), answer.kin.area[part], slip[part])
-        state, moved = answer.local, np.linalg.norm(answer.local.slip[part], axis=1)
-        # coupling makes of friction a normal force, and of slip a gap, that are hardly larger
-        light = state.normal_force[part] < np.linalg.norm(state.tangential_force[part], axis=1)
-        light |= (state.status[part] == OPEN) & (answer.gap[part] < moved)
-        if (at_opening[light & answer.kin.paired[part]] > 0).any():
-            lines += [
-                f"the friction of contact {name!r} does not begin at zero: a point may be closed by",
-                "it, or open, and this load may have other answers; this is the one found from before",
-            ]
-    return lines
-
-
-def _fall_lines(answer: Answer) -> list[str]:
-    """Say what a report says of friction that falls with the slip of points that slip."""
-    lines = []
-    for name in falling(answer, GIVEN):
-        lines += [
-            f"the friction of contact {name!r} falls with the slip: where it does so faster than",
-            "the bodies give way a load has several answers; other steps or loops may find others",
-        ]
-    return lines
-
-
-def falling(answer: Answer, share: float) -> list[str]:
-    """Return the contacts whose friction falls over this share of the slip of points that slip.
-
-    A share of -1 compares it with that without slip. Round-off of bounds is four digits below what
-    counts, even over a share as small as that.
-    """
-    names, state = [], answer.local
-    slip = state.slip - state.reference
-    for _, part, name, law in answer.frictional():
-        here = np.maximum(state.normal_force[part], 0.0), answer.kin.area[part]
-        now = law.limit(*here, slip[part])
-        rise = (law.limit(*here, (1 + share) * slip[part]) - now) / share
-        if (rise < -GIVEN * now)[state.status[part] == SLIP].any():
-            names.append(name)
-    return names
 
 
 def _uniqueness_lines(result: ContactResult) -> list[str]:

@@ -46,13 +46,7 @@ import numpy as np
 from scipy.sparse import csr_matrix, diags_array
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.fields import (
-    Contour,
-    NormalEquations,
-    contour,
-    simplex_areas,
-    with_centres,
-)
+from skfem_contact.answers.fields import Contour, NormalEquations, contour, simplex_areas, with_centres
 from skfem_contact.answers.validity.deformed_boundaries import Boundary
 from skfem_contact.answers.values import ContactValues, Three, relative
 from skfem_contact.arrays import Array, Index, Mask, tangents
@@ -152,12 +146,7 @@ class Edge:
     """
 
     def __init__(
-        self,
-        surface: ContactSurface,
-        found: Contour,
-        rim: Mask,
-        facets: Index,
-        behind: Index,
+        self, surface: ContactSurface, found: Contour, rim: Mask, facets: Index, behind: Index
     ) -> None:
         self.surface, self.facets, self.behind = surface, facets, behind
         self.corners, d, pieces = surface.kind.simplices, surface.dim, found.segments

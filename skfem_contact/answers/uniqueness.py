@@ -58,7 +58,7 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import Coulomb, Tresca
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.state import OPEN, SLIP
-from skfem_contact.digits import COMPUTED, SOLVED
+from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.linalg.dense_factors import DenseFactors, cholesky, lu
 from skfem_contact.problem.points import PointSpace
 from skfem_contact.problem.zone import LOOSE
@@ -406,7 +406,8 @@ def critical_friction(space: PointSpace, status: Index, friction: Array, G: Arra
     >>> critical_friction(PointSpace(S, np.array([0]), np.array([[1, 2]])), status, mu, G).round(3)
     array([2.828])
     """
-    able, exists = _able(space, friction), space.tangential_rows >= 0
+    exists = space.tangential_rows >= 0
+    able = np.isfinite(friction) & (space.normal_rows >= 0) & exists.any(axis=1)  # gap and slip change
     soft = (status != OPEN) & able & np.isfinite(G)
     free, A = _unheld(space, status == OPEN, soft, _isotropic(space, G))
     place = np.full(len(space.S), -1)
@@ -431,12 +432,7 @@ def critical_friction(space: PointSpace, status: Index, friction: Array, G: Arra
 
 
 def orientation(
-    space: PointSpace,
-    status: Index,
-    tangential_force: Array,
-    friction: Array,
-    G: Array,
-    springs: Array,
+    space: PointSpace, status: Index, tangential_force: Array, friction: Array, G: Array, springs: Array
 ) -> int:
     """Sign of the determinant of the linear problem that an answer solves: 1, -1, or 0 for round-off.
 
@@ -570,12 +566,6 @@ def _least(K: Array, k: Array, over: Array, scale: Array) -> Array:
     return out
 
 
-def _able(space: PointSpace, friction: Array) -> Mask:
-    """Points with friction whose gap and slip can change."""
-    slips = (space.tangential_rows >= 0).any(axis=1)
-    return np.asarray(np.isfinite(friction) & (space.normal_rows >= 0) & slips)
-
-
 def _isotropic(space: PointSpace, G: Array) -> Array:
     """The same stiffness along all tangents, (m, t, t); zero where it is infinite."""
     t = space.tangential_rows.shape[1]
@@ -600,3 +590,53 @@ def _factors(A: Array) -> DenseFactors:
     if not factors.even(LOOSE):
         raise LinAlgError("the closed points leave a motion free")
     return factors
+
+
+# -- in words, by the laws alone ---------------------------------------------------------------------
+
+
+def jump_lines(answer: Answer) -> list[str]:
+    """Say what a report says of friction that is lost all at once where a point opens."""
+    lines, slip = [], answer.local.slip - answer.local.reference
+    for contact, part, name, law in answer.frictional():
+        if contact.bilateral:
+            continue
+        at_opening = law.limit(np.zeros(len(slip[part])), answer.kin.area[part], slip[part])
+        state, moved = answer.local, np.linalg.norm(answer.local.slip[part], axis=1)
+        # coupling makes of friction a normal force, and of slip a gap, that are hardly larger
+        light = state.normal_force[part] < np.linalg.norm(state.tangential_force[part], axis=1)
+        light |= (state.status[part] == OPEN) & (answer.gap[part] < moved)
+        if (at_opening[light & answer.kin.paired[part]] > 0).any():
+            lines += [
+                f"the friction of contact {name!r} does not begin at zero: a point may be closed by",
+                "it, or open, and this load may have other answers; this is the one found from before",
+            ]
+    return lines
+
+
+def fall_lines(answer: Answer) -> list[str]:
+    """Say what a report says of friction that falls with the slip of points that slip."""
+    lines = []
+    for name in falling(answer, GIVEN):
+        lines += [
+            f"the friction of contact {name!r} falls with the slip: where it does so faster than",
+            "the bodies give way a load has several answers; other steps or loops may find others",
+        ]
+    return lines
+
+
+def falling(answer: Answer, share: float) -> list[str]:
+    """Return the contacts whose friction falls over this share of the slip of points that slip.
+
+    A share of -1 compares it with that without slip. Round-off of bounds is four digits below what
+    counts, even over a share as small as that.
+    """
+    names, state = [], answer.local
+    slip = state.slip - state.reference
+    for _, part, name, law in answer.frictional():
+        here = np.maximum(state.normal_force[part], 0.0), answer.kin.area[part]
+        now = law.limit(*here, slip[part])
+        rise = (law.limit(*here, (1 + share) * slip[part]) - now) / share
+        if (rise < -GIVEN * now)[state.status[part] == SLIP].any():
+            names.append(name)
+    return names

@@ -422,7 +422,7 @@ def _tension_lines(values: ContactValues) -> list[str]:
 def _friction_lines(values: ContactValues) -> list[str]:
     size = np.linalg.norm(values.tangential_force, axis=1)
     lines = [
-        f"  largest slip             {np.max(np.linalg.norm(values.slip, axis=1), initial=0.0):.6g}",
+        f"  largest slip             {np.max(np.linalg.norm(values.slip, axis=1), initial=0.0):.6g}"
     ]
     if values.contact.separation:  # else the normal forces may cancel
         lines.append(f"  friction force / normal  {_share(size.sum(), values.normal_force.sum())}")
@@ -430,7 +430,7 @@ def _friction_lines(values: ContactValues) -> list[str]:
         lines.append(f"  friction holds           {steep}")
     lines += [
         f"  energy lost by friction  {values.dissipation:.6g} in this step, "
-        f"{values.dissipation_total:.6g} in all",
+        f"{values.dissipation_total:.6g} in all"
     ]
     if abs(values.energy_residual) > COARSE * values.dissipation:
         lines.append(

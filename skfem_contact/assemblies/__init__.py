@@ -24,9 +24,5 @@ __all__ = ["BoltValues", "FoundContact", "FoundContacts", "Joint", "Joints", "Lo
 __getattr__, __dir__ = entrances(
     __name__,
     __all__,
-    {
-        "bolt": "BoltValues",
-        "finding": "FoundContact FoundContacts",
-        "joints": "Joint Joints LoadCases",
-    },
+    {"bolt": "BoltValues", "finding": "FoundContact FoundContacts", "joints": "Joint Joints LoadCases"},
 )

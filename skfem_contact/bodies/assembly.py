@@ -49,12 +49,7 @@ from skfem_contact.digits import COMPUTED
 from skfem_contact.records import Lock
 
 #: Elements of degree one; the others are of degree two.
-LINEAR = (
-    skfem.ElementTriP1,
-    skfem.ElementQuad1,
-    skfem.ElementTetP1,
-    skfem.ElementHex1,
-)
+LINEAR = (skfem.ElementTriP1, skfem.ElementQuad1, skfem.ElementTetP1, skfem.ElementHex1)
 
 
 # Mappings of scikit-fem make their arrays at the first use and fill them one component after the other:

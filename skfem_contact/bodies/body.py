@@ -44,6 +44,10 @@ from skfem_contact.errors import InputError, warn
 from skfem_contact.materials.elastic import Elastic, OfMaterial
 from skfem_contact.records import can_be_carried, carried, dataclass, seal
 
+#: Bulk over shear modulus from which on elements may lock: a Poisson's ratio of .46, where four
+#: elements of first order under a contact give forces that are 6 % larger, over true ones, than at .3.
+STIFF_BULK = 12.0
+
 
 @with_known_keywords(
     f". {CONDENSED}", stiffness="write K", load="write f", springs="add their matrix to K"
@@ -498,3 +502,8 @@ class Stiffness:
 
 
 _KNOWN: WeakValueDictionary[int, Stiffness] = WeakValueDictionary()
+
+
+def may_lock(body: Body) -> bool:
+    """Return whether some material of a body hardly changes its volume, as far as that is known."""
+    return body.moduli is not None and body.moduli.quotient > STIFF_BULK

@@ -253,15 +253,8 @@ def assembled_stiffness(K: Any, basis: Any, whose: str) -> tuple[Any, Assembled 
 
 def _checked(K: Any, basis: Any, whose: str, own: bool = False, symmetric: bool = False) -> Any:
     """Return a checked stiffness; a copy, unless the matrix is our `own`."""
-    if isinstance(K, RemoteStiffness):  # checked where it was assembled
-        if K.shape != (basis.N, basis.N):
-            raise InputError(
-                f"K of {whose} has shape {K.shape}, its basis has {basis.N} DOFs; K belongs to "
-                "another basis"
-            )
-        return K
-    is_matrix = issparse(K) or (isinstance(K, np.ndarray) and K.ndim == 2)
-    if not is_matrix:
+    elsewhere = isinstance(K, RemoteStiffness)
+    if not (elsewhere or issparse(K) or (isinstance(K, np.ndarray) and K.ndim == 2)):
         hint = " (decorate the function with @skfem.BilinearForm)" if callable(K) else ""
         if isinstance(K, Material):
             hint = ", a linear stiffness: take sc.NonlinearBody for this material"
@@ -276,6 +269,8 @@ def _checked(K: Any, basis: Any, whose: str, own: bool = False, symmetric: bool 
             f"K of {whose} has shape {K.shape}, its basis has {basis.N} DOFs; K belongs to "
             f"another basis{smaller}"
         )
+    if elsewhere:  # the rest was checked where it was assembled
+        return K
     check_type(K, f"K of {whose}", REAL)
     matrix = csr_matrix(K, dtype=np.float64)
     if not matrix.has_canonical_format:

@@ -295,10 +295,7 @@ def boundary_dofs(basis: Any, name: str, what: str) -> Index:
 
 
 def tractions(
-    given: Mapping[str, Any],
-    basis: Any,
-    measure: Callable[[Array], Array] | None,
-    what: str,
+    given: Mapping[str, Any], basis: Any, measure: Callable[[Array], Array] | None, what: str
 ) -> Array:
     """The load of tractions on boundaries, shape (n,) [force].
 

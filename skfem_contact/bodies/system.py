@@ -143,7 +143,7 @@ class System:
         """Prescribed values, shape (n,); zero where not prescribed [length]."""
         return sealed(np.concatenate([body.x * self.scale(body) for body in self.bodies]))
 
-    @property
+    @cached_property
     def solids(self) -> dict[str, Body]:
         """The bodies that have a mesh, by name."""
         named = zip(self.names, self.bodies, strict=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY
+from functools import cached_property
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -232,7 +233,7 @@ class Contact(PrintedAsCall):
                 "without common facets, for example the two flanks of a slot."
             )
 
-    @property
+    @cached_property
     def bilateral(self) -> bool:
         """The contact pulls as well as it presses: its points never open."""
         return self.tied or not self.separation
@@ -244,12 +245,12 @@ class Contact(PrintedAsCall):
             return self.method
         return getattr(self.method, "__name__", type(self.method).__name__)
 
-    @property
+    @cached_property
     def rigid(self) -> bool:
         """The primary side is a rigid obstacle."""
         return not isinstance(self.primary, ContactSurface)
 
-    @property
+    @cached_property
     def rigid_body(self) -> RigidBody | None:
         """The primary side, where it is an obstacle with DOFs of its own."""
         return self.primary if isinstance(self.primary, RigidBody) else None

@@ -76,7 +76,9 @@ def pair(
     else:
         partner = primary.moved(moved[1]) if len(moved) else primary
     if partner is None:
-        pairing = _by_distance(contact, secondary, placed)
+        pairing = _near(contact, placed.pair(secondary))
+        away = np.where(pairing.paired, pairing.gap, 0.0)[:, None] * pairing.normal
+        pairing = _with_signs(contact, secondary, pairing, away)
     elif partner.dim != secondary.dim:
         raise _unlike(contact, partner.dim)
     else:
@@ -101,13 +103,6 @@ def _unlike(contact: Contact, d: int) -> InputError:
         f"contact {contact.label}: surface {contact.secondary.label!r} is {contact.secondary.dim}-D, "
         f"{kind}{contact.primary.label!r} {d}-D"
     )
-
-
-def _by_distance(contact: Contact, secondary: ContactSurface, obstacle: Obstacle) -> Pairing:
-    """Pair nodes with an obstacle that is known by its distances."""
-    pairing = _near(contact, obstacle.pair(secondary))
-    away = np.where(pairing.paired, pairing.gap, 0.0)[:, None] * pairing.normal
-    return _with_signs(contact, secondary, pairing, away)
 
 
 def _pair_surfaces(
@@ -275,7 +270,9 @@ def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: P
     apart = [angle_between(pairing.normal, side) for side in (of_secondary, of_primary)]
     turns = pairing.paired & (np.maximum(*apart) > GIVEN)
     if secondary.dim == 2:
-        turns &= ~_mirrored(secondary)
+        # not on a line of symmetry, in which the node's own normal lies exactly
+        across = np.abs(np.sum(secondary.normals * secondary.held, axis=1))
+        turns &= (secondary.held.sum(axis=1) != 1) | (across > GIVEN)
     if not turns.any():
         return pairing
     soft_s = _mean(pairing.secondary_weights, compliances(secondary))
@@ -299,12 +296,6 @@ def loaded_frames(secondary: ContactSurface, primary: ContactSurface, pairing: P
         measured = np.maximum(measured, np.minimum(pairing.least_gap, pairing.gap))
     gap = np.where(turns, measured, pairing.gap)
     return replace(pairing, normal=normal, tangent=tangents(normal), gap=gap)
-
-
-def _mirrored(surface: ContactSurface) -> Mask:
-    """Nodes on a line of symmetry, whose own normal lies in it exactly, shape (m,)."""
-    across = np.abs(np.sum(surface.normals * surface.held, axis=1))
-    return np.asarray((surface.held.sum(axis=1) == 1) & (across <= GIVEN))
 
 
 def _mean(weights: csr_matrix, values: Array) -> Array:

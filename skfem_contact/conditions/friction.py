@@ -458,11 +458,6 @@ class CheckedLaw(ByFields):
     contact: str
     points: Array
 
-    @property
-    def is_linear(self) -> bool:
-        """See `FrictionLaw.is_linear`."""
-        return self.law.is_linear
-
     @cached_property
     def steady(self) -> bool:
         """The law is one of this package, whose parameters were checked when it was made.

@@ -306,11 +306,15 @@ class Slid(Protocol):
     tangential_force: Array
 
 
-def friction_bound(laws: Laws, state: Slid) -> Array:
-    """Bound of the friction force in a state by the present laws; zero at open points, (m,)."""
-    rule = FrictionRule(laws, state.area, state.reference)
-    closed = state.status > 0
-    return np.where(closed, rule.bound(state.normal_force, state.slip), 0.0)
+def friction_bound(laws: Laws, state: Slid, rule: FrictionRule | None = None) -> Array:
+    """Bound of the friction force in a state by the present laws; zero at open points, (m,).
+
+    `rule` has these laws on a pairing, which may be that of the state.
+    """
+    if rule is None or rule.area is not state.area:
+        rule = FrictionRule(laws, state.area, state.reference)
+    bound = rule.since(state.reference).bound(state.normal_force, state.slip)
+    return np.where(state.status > 0, bound, 0.0)
 
 
 def resisting_slips(laws: Laws, state: Slid, slips: Mask) -> Mask:

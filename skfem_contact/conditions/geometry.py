@@ -188,10 +188,10 @@ class Geometry:
         return np.where(both, given - np.where(both, first.gap, 0.0), 0.0)
 
     def case(
-        self, kin: Kinematics, u: Array | None, case: LoadCase, last: LocalState, before: LoadCase
+        self, kin: Kinematics, u: Array, case: LoadCase, last: LocalState, before: LoadCase
     ) -> LoadCase:
         """Initial gaps and slips of a load case, seen from the pairing at displacements u."""
-        if u is None or not self.follows:
+        if not self.follows:
             return case
         finite = self.finite
         gap0 = np.where(finite, kin.gap0 - kin.B_n @ u, case.gap0)
@@ -354,3 +354,12 @@ def surface_dofs(system: System, contacts: Sequence[Contact]) -> Index:
             elif isinstance(surface, RigidBody):
                 dofs.append(np.arange(system.n)[system.slice(surface)])
     return np.unique(np.concatenate(dofs))
+
+
+def secondary_dofs(system: System, contacts: Sequence[Contact]) -> Mask:
+    """Mask of the DOFs on the secondary surfaces, shape (n,)."""
+    mask = np.zeros(system.n, dtype=bool)
+    for contact in contacts:
+        surface = contact.secondary
+        mask[system.offsets[system.index(surface.body)] + surface.dofs] = True
+    return mask

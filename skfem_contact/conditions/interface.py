@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import fields
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -56,6 +54,8 @@ class Interface:
     laws : tuple of (slice, CheckedLaw)
     frictional, tied, bilateral : ndarray of bool, shape (m,)
         Points with friction; glued ones; those that never open, glued ones too.
+    slipping : ndarray of bool, shape (m,)
+        Points with tangential rows: without friction or glue nothing tangential is modelled.
     stiffness : ndarray, shape (m,)
         Tangential stiffness of sticking points [force/length]; ``inf`` is exact.
     wear : tuple of (slice, Archard)
@@ -69,6 +69,7 @@ class Interface:
     frictional: Mask
     tied: Mask
     bilateral: Mask
+    slipping: Mask
     stiffness: Array
     wear: tuple[tuple[slice, Archard], ...] = ()
 
@@ -81,11 +82,6 @@ class Interface:
         i = self.contact_of(point)
         number = point - self.point_slices[i].start
         return f"point {number} of contact {self.names[i]!r}, now at {written(position)},"
-
-    @cached_property
-    def slipping(self) -> Mask:
-        """Points with tangential rows: without friction nothing tangential is modelled."""
-        return self.frictional | self.tied
 
 
 def point_slices(contacts: Sequence[Contact]) -> tuple[slice, ...]:
@@ -167,24 +163,14 @@ def interface(
                 f"stiffness, but the law has stiffness={law.stiffness}. Leave stiffness out for "
                 "the automatic one, or use loop='newton' for exact sticking."
             )
-    return Interface(
-        contacts, names, points_of, tuple(laws), frictional, tied, kin.bilateral, G, tuple(wear)
-    )
+    points = frictional, tied, kin.bilateral, frictional | tied
+    return Interface(contacts, names, points_of, tuple(laws), *points, G, tuple(wear))
 
 
 def point_labels(contact: Contact, m: int) -> NDArray[np.object_]:
     """The points of a contact in words."""
     label = contact.label
     return np.array([f"point {i} of {label}" for i in range(m)], dtype=object)
-
-
-def secondary_dofs(system: System, contacts: Sequence[Contact]) -> Mask:
-    """Mask of the DOFs on the secondary surfaces, shape (n,)."""
-    mask = np.zeros(system.n, dtype=bool)
-    for contact in contacts:
-        surface = contact.secondary
-        mask[system.offsets[system.index(surface.body)] + surface.dofs] = True
-    return mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,10 +253,6 @@ class Identity:
                 f"contact {str(self.contacts[i])!r} here: it has other surfaces, or another sliding"
             )
         return ""
-
-    def as_arrays(self) -> dict[str, NDArray[Any]]:
-        """By name, for a file."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
 def digest(numbers: Any) -> str:

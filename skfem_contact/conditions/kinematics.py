@@ -20,17 +20,12 @@ from functools import cached_property, partial
 import numpy as np
 from scipy.sparse import block_diag, csr_matrix, identity
 
-from skfem_contact.arrays import Array, Index, Mask, entries
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.discretisation import carriers
-from skfem_contact.conditions.orthotropic import (
-    OrthotropicCoulomb,
-    combinations,
-    duals,
-    material_frame,
-)
+from skfem_contact.conditions.orthotropic import OrthotropicCoulomb, combinations, duals, material_frame
 from skfem_contact.conditions.rows import (
     Lever,
     Sides,
@@ -358,8 +353,7 @@ def prescribed_tangents(kin: Kinematics, D: Index) -> Mask:
 
 def _on_free(B: csr_matrix, D: Index) -> Array:
     """Sum of the sizes of the entries of each row that are at DOFs which are not prescribed."""
-    held = np.zeros(B.shape[1], dtype=bool)
-    held[D] = True
-    row, column, value = entries(B)
-    size = np.where(held[column], 0.0, np.abs(value))
-    return np.asarray(np.bincount(row, size, B.shape[0]), dtype=float)
+    free = np.ones(B.shape[1])
+    free[D] = 0.0
+    row = np.repeat(np.arange(B.shape[0]), np.diff(B.indptr))
+    return np.asarray(np.bincount(row, np.abs(B.data) * free[B.indices], B.shape[0]), dtype=float)

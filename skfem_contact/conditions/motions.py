@@ -110,11 +110,7 @@ class RigidMotions(ByFields):
         return replace(self, kin=kin)
 
     def free(
-        self,
-        closed: Mask,
-        stick: Mask,
-        firmly: float = SOLVED,
-        more: Array | None = None,
+        self, closed: Mask, stick: Mask, firmly: float = SOLVED, more: Array | None = None
     ) -> Array:
         """Combinations of modes that closed and sticking points do not hold, shape (k, j).
 

@@ -46,7 +46,8 @@ from skfem_contact.bodies.inputs import csr32
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.discretisation import pair
-from skfem_contact.conditions.interface import point_labels, secondary_dofs
+from skfem_contact.conditions.geometry import secondary_dofs
+from skfem_contact.conditions.interface import point_labels
 from skfem_contact.conditions.kinematics import join, kinematics
 from skfem_contact.digits import SOLVED
 from skfem_contact.elimination.pivoting import AGREEMENT, FloatArray, IntArray, find_pivots, row_maximum
@@ -195,11 +196,7 @@ def _columns(A: sp.csr_matrix, mask: Mask) -> tuple[IntArray, sp.csr_matrix]:
 
 
 def _identity_and_rows(
-    independent: IntArray,
-    dependent: IntArray,
-    coefficients: sp.csr_matrix,
-    number: IntArray,
-    n: int,
+    independent: IntArray, dependent: IntArray, coefficients: sp.csr_matrix, number: IntArray, n: int
 ) -> sp.csr_matrix:
     """T from its parts: one on `independent`, `coefficients` on `dependent`, zero elsewhere.
 

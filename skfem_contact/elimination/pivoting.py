@@ -195,11 +195,7 @@ def _pivot_blocks(A: sp.csr_matrix, rows: IntArray, owner: IntArray) -> FloatArr
 
 
 def _choose_again(
-    A: sp.csr_matrix,
-    pivot: IntArray,
-    block: IntArray,
-    changed: IntArray,
-    prefer: Mask | None,
+    A: sp.csr_matrix, pivot: IntArray, block: IntArray, changed: IntArray, prefer: Mask | None
 ) -> IntArray:
     """Pivots with those of the blocks of the rows `changed` replaced where they do not serve."""
     owner, new = _owner(pivot, A.shape[1]), pivot.copy()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import asdict, field, fields
+from dataclasses import field, fields
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -99,12 +99,13 @@ def save_state(path: str | Path, result: Answer | SavedState) -> Path:
     data["case_f"] = case.applied
     if result.tightness:
         data |= {"bolts": list(result.tightness), "tightness": list(result.tightness.values())}
-    data |= _motions(case.motion)
+    for f in fields(Motion):
+        data[f"motion_{f.name}"] = np.array([getattr(motion, f.name) for motion in case.motion])
     data["case_own"] = case.own
     data["case_scale"] = [np.nan if scale is None else scale for scale in (*case.scale, case.factor)]
     data["dissipation_before"] = result.dissipation_before
     data["dissipation_by_contact"] = result.dissipation_by_contact
-    data |= {f"identity_{name}": value for name, value in result.identity.as_arrays().items()}
+    data |= {f"identity_{f.name}": getattr(result.identity, f.name) for f in fields(Identity)}
     data |= {"converged": result.converged, "message": result.message}
     data |= _materials(result) | {f"apart_{i}": value for i, value in case.apart.items()}
     _write(path, data)
@@ -230,8 +231,3 @@ def _materials(result: Answer | SavedState) -> dict[str, Any]:
     for i, state in enumerate(result.material):
         data |= {f"material_{i}_{name}": value for name, value in state.items()}
     return data
-
-
-def _motions(motions: tuple[Motion, ...]) -> dict[str, Any]:
-    listed = [asdict(motion) for motion in motions]
-    return {f"motion_{f.name}": np.array([m[f.name] for m in listed]) for f in fields(Motion)}

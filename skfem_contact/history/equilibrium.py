@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.result import ContactResult, falling
+from skfem_contact.answers.result import ContactResult
 from skfem_contact.arrays import Array, Mask, largest, lengths
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.friction_rule import jumps_open, resisting_slips
@@ -213,6 +213,8 @@ class Verdict:
             return no_equilibrium(self.motions, self.free, self.when, *known)
         message, falls = "", ""
         if result is not None:
+            from skfem_contact.answers.uniqueness import falling  # few loops fail
+
             message, names = result.message, falling(result._answer, -1.0)
             other = "direct" if loop == "newton" else "newton"
             falls = FALLS.format(", ".join(map(repr, names)), other) if names else ""
@@ -253,11 +255,6 @@ class EquilibriumSearch:
     rest: Rest | None = None
     refuted: Array | None = None
     grip: Grip | None = None
-
-    @property
-    def last(self) -> EquilibriumSearch:
-        """Itself: of bodies that are not linear there are many."""
-        return self
 
     @property
     def settled(self) -> Rest | None:

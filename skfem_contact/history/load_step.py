@@ -12,7 +12,7 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer, Placed
 from skfem_contact.arrays import Array, lengths
-from skfem_contact.conditions.friction_rule import friction_bound
+from skfem_contact.conditions.friction_rule import FrictionRule, friction_bound
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import LoadCase, LocalState, State
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def friction_energy(
-    interface: Interface, last: LocalState, new: LocalState, plastic: Array, bound: Array
+    interface: Interface, last: LocalState, new: LocalState, plastic: Array, bounds: Array
 ) -> Array:
     r"""Energy that friction takes between two states, and what the balance misses, (2, contacts).
 
@@ -46,10 +46,10 @@ def friction_energy(
         ``W = U_n+1 - U_n + D + residual``.
 
     Friction and opening make the residual: it is of second order in the step, and takes no ``K u``.
-    Overlaps of the meshes count as misfit that the loads' work has in it. `plastic` and `bound` are the
-    `plastic_slip` between the two and the `friction_bound` of the new one.
+    Overlaps of the meshes count as misfit that the loads' work has in it. `plastic` is the
+    `plastic_slip` between the two, `bounds` the sum of the `friction_bound` of both.
     """
-    bounds, way = friction_bound(interface.laws, last) + bound, lengths(plastic)
+    way = lengths(plastic)
     friction = last.tangential_force + new.tangential_force
     pressing = last.normal_force + new.normal_force
     found = lost, residual = np.zeros((2, len(interface.point_slices)))
@@ -138,6 +138,7 @@ class Attempt:
     travel: float = 0.0  # of the point that slid furthest, over what is allowed
     own_action: Array | None = None
     culprit: int = -1  # the point whose partner or way made the attempt fail
+    friction: FrictionRule | None = None  # on its pairing
     stateless: Array | None = None
     carried: Carried | None = None
     origin: Placed | None = None
@@ -164,13 +165,14 @@ class Attempt:
     @cached_property
     def friction_bound(self) -> Array:
         """Of the friction forces at its end; zero at open points, (m,) [force]."""
-        return friction_bound(self.model.interface.laws, self.local)
+        return friction_bound(self.model.interface.laws, self.local, self.friction)
 
     @property
     def energy(self) -> Array:
         """Return what friction takes on its way."""
-        interface, bound = self.model.interface, self.friction_bound
-        return friction_energy(interface, self.start, self.local, self.plastic_slip, bound)
+        interface = self.model.interface
+        bounds = friction_bound(interface.laws, self.start, self.friction) + self.friction_bound
+        return friction_energy(interface, self.start, self.local, self.plastic_slip, bounds)
 
     @property
     def good(self) -> bool:

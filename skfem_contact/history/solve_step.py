@@ -13,6 +13,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -113,7 +114,9 @@ class StepSolver(ByFields):
         if self.bolts.names:
             told = (lambda: start.tightness) if start is not None else dict
             before, target = self.bolts.step(before, target, told)
-        issued = check_loads(model.system, model.interface, kin, fixed, target, _issued(start))
+        # what has been warned of in the history so far: a file does not know
+        issued = start.diagnostics.issued if isinstance(start, Answer) else Issued()
+        issued = check_loads(model.system, model.interface, kin, fixed, target, issued)
         warm = guess or start
         known = None if warm is None else warm.state
         step = LoadStep(state, before, target, known, callback, workspace=workspace)
@@ -130,9 +133,11 @@ class StepSolver(ByFields):
         result = self._answer(found, verdict, time.perf_counter() - begin)
         arrived = verdict.arrived
         if arrived:
-            if model.choice.few_steps:
-                _check_digits(result)
-            leaning = second_order(found.advance.attempt) if found.last.settled is None else {}
+            # multigrid ends at a share of the load, which is large where supports move bodies far
+            if model.choice.few_steps and (left := certified(result).equilibrium) > SOLVED:
+                raise LinearSolveError(f"forces are balanced to {left:.1e} of the largest")
+            last: Any = getattr(found, "last", found)
+            leaning = second_order(found.advance.attempt) if last.settled is None else {}
             self.watch.look(result, issued, leaning)
             _tell(result, getattr(found, "remarks", {}))
         if arrived or not throw:
@@ -155,7 +160,7 @@ class StepSolver(ByFields):
         x[D[elsewhere]] = found[elsewhere]
         return replace(case, x=x)
 
-    @once
+    @cached_property
     def watch(self) -> Watch:
         """Return what is looked at after every step, made in the first."""
         model = self.stepper.model
@@ -203,10 +208,7 @@ class StepSolver(ByFields):
         return start.identity is geometry.identity
 
     def _answer(
-        self,
-        found: EquilibriumSearch | NonlinearSearch,
-        verdict: Verdict,
-        seconds: float,
+        self, found: EquilibriumSearch | NonlinearSearch, verdict: Verdict, seconds: float
     ) -> Answer:
         way = found.advance
         attempt, recovery = way.attempt, found.recovery
@@ -218,6 +220,7 @@ class StepSolver(ByFields):
         if start is not None:
             before = start.dissipation_before + start.dissipation_by_contact
         newton, good = Newton(getattr(found, "newton", ())), attempt.good
+        last: Any = getattr(found, "last", found)
         message = "" if good else attempt.reason
         if good:  # with all rounds, attempts and substeps that came before the last one
             message = converged_words(len(way.trace)) + attempt.outcome.note
@@ -246,7 +249,7 @@ class StepSolver(ByFields):
             conditions=attempt.outcome.iterate.conditions,
             factor=found.step.target.factor,
             linear=model.choice.said,
-            indifferent=found.last.places,
+            indifferent=last.places,
             before=attempt.start,
             parts=way.substeps,
             springs=attempt.problem.springs is not None,
@@ -254,16 +257,6 @@ class StepSolver(ByFields):
             placed=placed,
             newton=newton,
         )
-
-
-def _check_digits(result: Answer) -> None:
-    """Refuse an answer of multigrid, which ends at a share of the load, that has too few digits.
-
-    Where supports move bodies far into a light contact, that is a large share of the forces.
-    """
-    left = certified(result).equilibrium
-    if left > SOLVED:
-        raise LinearSolveError(f"forces are balanced to {left:.1e} of the largest")
 
 
 def _tell(result: Answer, remarks: dict[str, str]) -> None:
@@ -286,11 +279,6 @@ def _tell(result: Answer, remarks: dict[str, str]) -> None:
             issued |= {("remark", about)}
     if issued is not known:
         result.diagnostics = replace(result.diagnostics, issued=issued)
-
-
-def _issued(start: Known) -> Issued:
-    """Return what has been warned of in the history so far; a file does not know."""
-    return start.diagnostics.issued if isinstance(start, Answer) else frozenset()
 
 
 def second_order(attempt: Attempt) -> dict[str, float]:

@@ -21,11 +21,7 @@ from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.loops.active_set import friction_of_prescribed_slip
 from skfem_contact.loops.driver import LOOPS, Options, Outcome, drive
 from skfem_contact.loops.multipliers import Collision
-from skfem_contact.loops.starts import (
-    DENSE,
-    possible_starts,
-    starting_values,
-)
+from skfem_contact.loops.starts import DENSE, possible_starts, starting_values
 from skfem_contact.loops.step import Step
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.problem.points import Load
@@ -106,15 +102,15 @@ class Stepper(ByFields):
         """
         interface = self.model.interface
         linear = all(
-            law.is_linear and (isinstance(law.law, Tresca) or not interface.bilateral[part].any())
+            law.law.is_linear and (isinstance(law.law, Tresca) or not interface.bilateral[part].any())
             for part, law in interface.laws
         )
         return linear and not self.model.geometry.follows
 
     def attempt(self, to: LoadStep, problem: ContactProblem, start: str) -> Attempt:
         """Solve a load step as it is, on one pairing, from one of the `starts`."""
-        interface, geometry = self.model.interface, self.model.geometry
-        options, kin, target = self.options, problem.kin, to.target
+        interface, options = self.model.interface, self.options
+        kin, target = problem.kin, to.target
         # a vertex brings its history along to the point that carries its row now
         last = to.state.handed_on(kin.vertex, interface.point_slices).along(kin)
         begin = last
@@ -125,7 +121,7 @@ class Stepper(ByFields):
         softest = min(self.model.stiffest)  # the bodies' own K may have been replaced
         noise = NOISE * max(target.largest_force, softest * moved)
         with single_threaded:
-            seen = geometry.case(kin, problem.u, target, last, to.before)
+            seen = self._seen(problem, target, last, to.before)
             counted = seen if to.origin is None else to.origin.seen(seen, kin, self.model)
             load = problem.load(counted)
             step = self._step(problem, load, last, noise, moved)
@@ -143,7 +139,7 @@ class Stepper(ByFields):
                     options.tolerance,
                     self.loop,
                     dense,
-                    lambda: points.load(geometry.case(kin, problem.u, to.before, last, to.before)),
+                    lambda: points.load(self._seen(problem, to.before, last, to.before)),
                 )
                 given = step, found.guess, options.tolerance, limit, to.callback, loop.patience
                 outcome = found.ended(drive(loop.iterates, *given), dense is step or start not in DENSE)
@@ -153,8 +149,22 @@ class Stepper(ByFields):
         strained = NOISE * max(self.model.stiffest) * moved
         failure = "" if balanced(problem.motions, target.f, local, noise, strained) else RAN_AWAY
         ended = outcome, self.model, problem, load, target, seen, last, local
-        stateless, carried = found.stateless, found.carried
-        return Attempt(*ended, failure=failure, stateless=stateless, carried=carried, origin=to.origin)
+        return Attempt(
+            *ended,
+            failure=failure,
+            friction=step.friction,
+            stateless=found.stateless,
+            carried=found.carried,
+            origin=to.origin,
+        )
+
+    def _seen(
+        self, problem: ContactProblem, case: LoadCase, last: LocalState, before: LoadCase
+    ) -> LoadCase:
+        """A load case from the pairing of a problem; that of the undeformed bodies is its own."""
+        if problem.u is None:
+            return case
+        return self.model.geometry.case(problem.kin, problem.u, case, last, before)
 
     def _contradiction(
         self, collision: Collision, problem: ContactProblem, seen: LoadCase

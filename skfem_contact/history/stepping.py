@@ -118,9 +118,7 @@ class Bisection:
 
 
 def advance(
-    by: Stepper,
-    step: LoadStep,
-    doubt: Callable[[Attempt, bool], bool] | None = None,
+    by: Stepper, step: LoadStep, doubt: Callable[[Attempt, bool], bool] | None = None
 ) -> Advance:
     """Solve a load step, in parts where it fails; the last attempt says whether it arrived.
 
@@ -222,7 +220,8 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
         attempt = replace(attempt, outcome=replace(attempt.outcome, trace=tuple(trace)))
         if not attempt.good:
             return attempt
-        volume = worn_volume(interface, attempt.start, attempt.local, _way(attempt))
+        way = lengths(attempt.problem.kin.slip_along(attempt.plastic_slip))
+        volume = worn_volume(interface, attempt.start, attempt.local, way)
         area = attempt.local.area
         grown = np.divide(volume, area, out=np.zeros_like(volume), where=area > 0)
         change = last.wear + grown - depth
@@ -247,11 +246,6 @@ def _with_depth(by: Stepper, step: LoadStep, start: str, depth: Array) -> Attemp
         return on_own_pairing(by, step, start)
     attempt = on_own_pairing(by, replace(step, target=step.target.worn(depth)), start)
     return replace(attempt, case=step.target)
-
-
-def _way(attempt: Attempt) -> Array:
-    """Length of the way that friction acts on, (m,)."""
-    return lengths(attempt.problem.kin.slip_along(attempt.plastic_slip))
 
 
 def worn_volume(interface: Interface, last: LocalState, new: LocalState, way: Array) -> Array:

@@ -4,8 +4,8 @@
   recognised;
 * `direct`, `amg`: the ones that come with the library;
 * `multifrontal`: Cholesky factorisation that leaves a Schur complement on chosen DOFs, how fronts add
-  up, and what forces on some DOFs move there; `ordering`: nested dissection from positions; `fronts`:
-  what every front holds, and how large they will be;
+  up, and what forces on some DOFs move there; `fronts`: nested dissection from positions, what every
+  front holds, and how large they will be;
 * `dense_factors`: factors of dense matrices, the one place that calls LAPACK for them, matrices changed
   in place, least squares with a bound, one BLAS thread, and the memory that a factorisation will take;
 * `krylov`: iterations for unsymmetric equations, and secants for fixed points.
@@ -31,7 +31,6 @@ __getattr__, __dir__ = entrances(
         "direct": "as_linear_solver Direct FromSolver",
         "krylov": "Anderson gmres",
         "multifrontal": "MultifrontalCholesky SurfaceResponse",
-        "fronts": "analyse factor_size find_runs",
-        "ordering": "dissect dissection_order",
+        "fronts": "analyse dissect dissection_order factor_size find_runs",
     },
 )

@@ -128,7 +128,8 @@ class BodyFactor(ABC):
     order : ndarray of int, shape (n,)
         The DOFs in the order of elimination; the kept ones come last.
     S : ndarray, shape (n_c, n_c)
-        ``K_cc - K_ci K_ii^-1 K_ic``, symmetric, in the order of `keep`; empty once it was taken.
+        ``K_cc - K_ci K_ii^-1 K_ic``, symmetric, in the order of `keep`. Solutions do not need
+        it: who takes it to change it leaves it empty.
     """
 
     keep: Index
@@ -153,14 +154,6 @@ class BodyFactor(ABC):
 
         `eliminated` is from `eliminate`, or a combination of such; it is overwritten.
         """
-
-    def take_S(self) -> Array:
-        """`S` for the caller alone, who may change it; from now on `S` is empty here.
-
-        Solving and recovering do not need it.
-        """
-        S, self.S = self.S, np.zeros((0, 0))
-        return S
 
     def reduce_load(self, f: Array) -> Array:
         """``f_c - K_ci K_ii^-1 f_i``, the load that belongs to `S`, (n_c,) or (n_c, r)."""

@@ -31,7 +31,8 @@ from skfem_contact.digits import ROUND_OFF
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.records import dataclass
 
-# Rows of a dense matrix that are worked on at once: enough for matrix products, few beside the matrix.
+# Rows of a matrix that are worked on at once: enough for matrix products, few beside the matrix. One
+# that is not large is one block.
 ROWS_AT_ONCE = 1024
 
 # Rows of a triangle that are copied at once: few operations, and a block that caches hold.
@@ -64,7 +65,9 @@ class SingleThreaded:
                 for library in _blas().lib_controllers:
                     # asking takes a microsecond, setting twenty
                     if (count := library.num_threads) != 1:
-                        (own if _of_each_thread(library) else self).taken.append((library, count))
+                        layer = getattr(library, "threading_layer", "")
+                        of_each_thread = library.internal_api == "mkl" or layer == "openmp"
+                        (own if of_each_thread else self).taken.append((library, count))
                         _set(library, 1)
                 self._inside += 1
         own.depth += 1
@@ -85,11 +88,6 @@ class _Own(local):
 
     def __init__(self) -> None:
         self.depth, self.taken = 0, list[tuple[Any, int]]()
-
-
-def _of_each_thread(library: Any) -> bool:
-    """Return whether each Python thread has a setting of its own."""
-    return library.internal_api == "mkl" or getattr(library, "threading_layer", "") == "openmp"
 
 
 def _set(library: Any, count: int) -> None:
@@ -292,11 +290,6 @@ def factorised(A: Array, symmetric: bool) -> DenseFactors:
     raise SingularMatrix("the matrix of the contact problem is singular")
 
 
-def blocks(count: int) -> list[slice]:
-    """Rows that are worked on at once; a matrix that is not large is one block."""
-    return [slice(begin, min(begin + ROWS_AT_ONCE, count)) for begin in range(0, count, ROWS_AT_ONCE)]
-
-
 def symmetrise(A: Array) -> None:
     """``(A + A') / 2``.
 
@@ -305,10 +298,11 @@ def symmetrise(A: Array) -> None:
     >>> A.tolist()
     [[1.0, 3.0], [3.0, 3.0]]
     """
-    for rows in blocks(len(A)):
-        mean = 0.5 * (A[rows, rows.start :] + A[rows.start :, rows].T)
-        A[rows, rows.start :] = mean
-        A[rows.start :, rows] = mean.T
+    for begin in range(0, len(A), ROWS_AT_ONCE):
+        rows, beyond = slice(begin, begin + ROWS_AT_ONCE), slice(begin, None)
+        mean = 0.5 * (A[rows, beyond] + A[beyond, rows].T)
+        A[rows, beyond] = mean
+        A[beyond, rows] = mean.T
 
 
 def mirror(A: Array) -> None:

@@ -32,9 +32,8 @@ from skfem_contact.linalg.backend import (
     check_eigenvalue,
     singular,
 )
-from skfem_contact.linalg.fronts import Pattern
+from skfem_contact.linalg.fronts import LEAF, Pattern, dissection_order
 from skfem_contact.linalg.multifrontal import MultifrontalCholesky
-from skfem_contact.linalg.ordering import LEAF, dissection_order
 from skfem_contact.records import dataclass
 
 # Residual over load up to which a solver of the user's own is trusted: conjugate gradients of

@@ -45,15 +45,8 @@ from skfem_contact.linalg.backend import (
     singular,
     smallest_eigenvalue,
 )
-from skfem_contact.linalg.dense_factors import blocks, mirror, single_threaded
-from skfem_contact.linalg.fronts import (
-    Fronts,
-    Pattern,
-    checked_matrix,
-    find_runs,
-    panels,
-)
-from skfem_contact.linalg.ordering import LEAF
+from skfem_contact.linalg.dense_factors import ROWS_AT_ONCE, mirror, single_threaded
+from skfem_contact.linalg.fronts import LEAF, Fronts, Pattern, checked_matrix, find_runs, panels
 
 
 class MultifrontalCholesky(BodyFactor):
@@ -311,8 +304,8 @@ class Leftovers:
         begin = self._used[odd] if not odd else self._memory.size - self._used[odd] - b * b
         self._used[odd] += b * b
         new = self._taken[front] = self._memory[begin : begin + b * b].reshape(b, b)
-        for some in blocks(b):  # half of it: to touch memory for the first time takes long
-            new[some, some.start :] = 0.0
+        for row in range(0, b, ROWS_AT_ONCE):  # half of it: to touch memory at first takes long
+            new[row : row + ROWS_AT_ONCE, row:] = 0.0
         return new
 
     def give_back(self, front: int) -> None:

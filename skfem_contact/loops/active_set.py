@@ -129,14 +129,6 @@ def linear_conditions(step: Step, current: Guess, coupled: bool, rough: bool = F
     return Conditions(closed, stick, step.last.slip, spring, offset, coupling, rough)
 
 
-def _follows(step: Step, current: Guess, slips: Mask) -> Mask:
-    """Points that slip and whose bound follows the normal force, (m,)."""
-    if step.closed_for_good is None:
-        return slips
-    # under tension, which only a bond can have, the bound does not
-    return slips & ~(step.bilateral & (current.normal_force < 0))
-
-
 def _slipping(step: Step, current: Guess, slips: Mask, coupled: bool) -> tuple[Array, Array, Array]:
     """Friction of points that slip as ``offset + spring (s - s_n) + coupling lambda``."""
     reach = BEYOND if current.reach is None else current.reach[:, None]
@@ -144,7 +136,10 @@ def _slipping(step: Step, current: Guess, slips: Mask, coupled: bool) -> tuple[A
     force, beyond, by = step.friction.slipping(current.direction, reach, normal_force, slip)
     coupling, spring = np.zeros(force.shape), np.zeros(by.slip.shape)
     if coupled:
-        coupling = np.where(_follows(step, current, slips)[:, None], by.normal_force, 0.0)
+        follows = slips
+        if step.closed_for_good is not None:  # the bound of a bond under tension does not
+            follows = slips & ~(step.bilateral & (current.normal_force < 0))
+        coupling = np.where(follows[:, None], by.normal_force, 0.0)
         force -= coupling * np.maximum(current.normal_force, 0.0)[:, None]
         if np.count_nonzero(by.slip):
             # a bound that falls with the slip lags: it would take stiffness away from the bodies

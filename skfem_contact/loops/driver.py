@@ -28,7 +28,6 @@ from functools import partial
 import numpy as np
 
 from skfem_contact.arguments import number, with_known_keywords
-from skfem_contact.arrays import Array
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, SingularMatrix
@@ -89,7 +88,11 @@ def _fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]
     excess ``e`` is corrected until the two agree. The plain iteration contracts by a factor that
     tends to one as G grows; the acceleration shortens it but does not lift that limit.
     """
-    excess = _excess(step, guess)
+    # by what the law is exceeded where the guess presses: none where nothing is known
+    trial = step.trial(guess.slip)
+    mapped, _ = step.friction.project(trial, guess.normal_force, guess.slip)
+    known = step.frictional & (guess.normal_force > 0)
+    excess = np.where(known[:, None], mapped - trial, 0.0)
     mixing = Anderson(depth=7)
     current, free_changes = guess, FREE_CHANGES
     while True:
@@ -141,14 +144,6 @@ def _fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]
         else:
             excess = mixing.next(excess.ravel(), image.ravel()).reshape(excess.shape)
         current = replace(proposal, status=status)
-
-
-def _excess(step: Step, guess: Guess) -> Array:
-    """By what the law is exceeded where the guess presses, (m, d-1): none where nothing is known."""
-    trial = step.trial(guess.slip)
-    mapped, _ = step.friction.project(trial, guess.normal_force, guess.slip)
-    known = step.frictional & (guess.normal_force > 0)
-    return np.where(known[:, None], mapped - trial, 0.0)
 
 
 NOTHING_HOLDS = "no equilibrium: nothing holds a rigid motion"

@@ -18,10 +18,5 @@ if TYPE_CHECKING:
 __all__ = ["LevelSet"]
 
 __getattr__, __dir__ = entrances(
-    __name__,
-    __all__,
-    {
-        "obstacle": "Obstacle read_motion rotation_matrix spin",
-        "shapes": "LevelSet",
-    },
+    __name__, __all__, {"obstacle": "Obstacle read_motion rotation_matrix spin", "shapes": "LevelSet"}
 )

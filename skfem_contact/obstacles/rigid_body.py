@@ -291,10 +291,7 @@ def shape_of(tool: Obstacle) -> Obstacle:
 
 
 #: Names of the DOFs, by the dimension of space.
-DIRECTIONS = {
-    2: ("x", "y", "rotation"),
-    3: ("x", "y", "z", "rotation x", "rotation y", "rotation z"),
-}
+DIRECTIONS = {2: ("x", "y", "rotation"), 3: ("x", "y", "z", "rotation x", "rotation y", "rotation z")}
 
 
 def held_dofs(D: Any, directions: tuple[str, ...], what: str) -> np.ndarray:

@@ -320,18 +320,12 @@ def gaps_overlap(result: ContactResult, seen: View) -> bool:
 def _closed_gap(result: ContactResult) -> float:
     """The largest initial gap of the points that are closed now [length]."""
     answer = answer_of(result)
-    closed = (answer.state.status != OPEN) & answer.kin.paired
-    return float(np.abs(_initial_gaps(result))[closed].max(initial=0.0))
-
-
-def _initial_gaps(result: ContactResult) -> Array:
-    """Gaps (m,) of the undeformed bodies and the obstacles where they were made [length]."""
-    answer = answer_of(result)
-    gap = np.array(answer.case.gap0)
+    gap, closed = np.array(answer.case.gap0), (answer.state.status != OPEN) & answer.kin.paired
+    # without the motions of obstacles, which these have in them
     for contact, motion, part in zip(answer.contacts, answer.case.motion, answer.slices(), strict=True):
         shift = motion.shift(contact.secondary.points)  # none of bodies
         gap[part] += np.einsum("md,md->m", answer.kin.normal[part], shift)
-    return gap
+    return float(np.abs(gap[closed]).max(initial=0.0))
 
 
 def _moved(tool: Tool, result: ContactResult, shared: Array) -> float:

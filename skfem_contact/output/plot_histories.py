@@ -31,7 +31,7 @@ from skfem_contact.output.drawing import (
     which,
 )
 from skfem_contact.output.stress import checked_units, labelled
-from skfem_contact.output.tools import Tool, tools
+from skfem_contact.output.tools import tools
 
 Over = Sequence[float] | Callable[[ContactResult], float]
 
@@ -325,7 +325,8 @@ def _force_and_way(
     """Force from outside (d,) on a boundary or an obstacle, and its displacement (d,)."""
     for tool in tools(result):
         if tool.name == body or any(result.contacts[i].primary is body for i in tool.contacts):
-            return _of_tool(result, tool)
+            force = sum(result.values[i].force for i in tool.contacts)
+            return np.asarray(force), np.asarray(tool.motion.translation)
     answer = answer_of(result)
     known = answer.system.names
     if isinstance(body, str) and body not in known:
@@ -343,9 +344,3 @@ def _force_and_way(
     axis = own.dof_component[dofs]
     force = np.array([outside[axis == k].sum() for k in range(own.components)])
     return force, np.array([u[dofs][axis == k].mean() for k in range(own.components)])
-
-
-def _of_tool(result: ContactResult, tool: Tool) -> tuple[Array, Array]:
-    """Return the force by which an obstacle pushes the bodies, and the motion of its centre."""
-    force = sum(result.values[i].force for i in tool.contacts)
-    return np.asarray(force), np.asarray(tool.motion.translation)

@@ -18,8 +18,7 @@ from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arrays import Array, Index
 from skfem_contact.conditions.state import Motion
-from skfem_contact.obstacles.faceted import RigidPolyline, RigidSurface
-from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.obstacles.obstacle import Faceted, Obstacle
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.obstacles.shapes import LevelSet, RigidCylinder, RigidPlane, RigidSphere
 from skfem_contact.records import dataclass
@@ -86,7 +85,7 @@ def tools(result: ContactResult) -> list[Tool]:
 
 def fits(obstacle: Obstacle, size: float) -> bool:
     """Return whether an obstacle has an end, and is not longer than a size."""
-    if isinstance(obstacle, RigidPolyline | RigidSurface):
+    if isinstance(obstacle, Faceted):
         return bool(np.all(np.ptp(obstacle.points, axis=0) <= size))
     if isinstance(obstacle, RigidSphere) or (
         isinstance(obstacle, RigidCylinder) and obstacle.axis is None
@@ -145,13 +144,8 @@ def _(obstacle: RigidCylinder, low: Array, high: Array) -> tuple[Array, Index]:
 
 
 @outline.register
-def _(obstacle: RigidPolyline, low: Array, high: Array) -> tuple[Array, Index]:
-    return np.array(obstacle.outline.points), np.array(obstacle.outline.facets)
-
-
-@outline.register
-def _(obstacle: RigidSurface, low: Array, high: Array) -> tuple[Array, Index]:
-    return np.array(obstacle.points), np.array(obstacle.triangles)
+def _(obstacle: Faceted, low: Array, high: Array) -> tuple[Array, Index]:
+    return np.array(obstacle.points), np.array(obstacle.facets)
 
 
 @outline.register

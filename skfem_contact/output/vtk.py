@@ -401,11 +401,6 @@ def _along(components: Array, tangent: Array) -> Array:
     return components.sum(axis=1)
 
 
-def vtk_numbers() -> dict[str, int]:
-    """Numbers of VTK's cells by their names in meshio."""
-    return VTK_CELLS | {kind.cell: kind.vtk for kind in KINDS.values()}
-
-
 @dataclass(frozen=True, eq=False)
 class Grid:
     """Points, cells and what is known of them.
@@ -455,7 +450,7 @@ class Grid:
 
     def _topology(self) -> dict[str, NDArray[Any]]:
         corners = np.concatenate([np.full(len(c), c.shape[1]) for _, c in self.cells])
-        numbers = vtk_numbers()
+        numbers = VTK_CELLS | {kind.cell: kind.vtk for kind in KINDS.values()}
         kinds = [np.full(len(c), numbers[kind], dtype=np.uint8) for kind, c in self.cells]
         return {
             "connectivity": np.concatenate([c.ravel() for _, c in self.cells]),
@@ -478,12 +473,11 @@ def _array(name: str, values: NDArray[Any], unit: str | None = None) -> str:
         if data.shape[1] == len(SIX):
             names = ["XYZ"[i] + "XYZ"[j] for i, j in SIX.values()]
             about += "".join(f' ComponentName{k}="{word}"' for k, word in enumerate(names))
-    known = "" if unit is None else _unit(unit)
-    return f'<DataArray {about} format="binary">{_encoded(data.tobytes())}{known}</DataArray>'
-
-
-def _unit(unit: str) -> str:
-    return f'<InformationKey name="UNITS_LABEL" location="vtkDataArray">{escape(unit)}</InformationKey>'
+    found = _encoded(data.tobytes())
+    if unit is not None:
+        label = 'name="UNITS_LABEL" location="vtkDataArray"'
+        found += f"<InformationKey {label}>{escape(unit)}</InformationKey>"
+    return f'<DataArray {about} format="binary">{found}</DataArray>'
 
 
 def _encoded(data: bytes) -> str:

@@ -12,7 +12,7 @@ from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.projection import Feet, Joints, across_edges, interpolated_normals, project
-from skfem_contact.pairing.search import FACING, FacetTree, Nodes, closest_candidates
+from skfem_contact.pairing.search import FACING, FacetTree, closest_candidates
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
 
@@ -63,7 +63,10 @@ def closest_facets(
 ) -> tuple[Index, Index, Array]:
     """Points that have a partner, in their order, their facets, and reference coordinates there."""
     side = Side(secondary, primary, outside, inside, margins(secondary, primary, extended))
-    m, guesses = len(secondary.points), _guesses(secondary, primary)
+    # the facet nearest to each point and, for where it is no partner, the next one, (m, 2 or 1)
+    middles = Tree(primary.points.take(primary.facets, axis=0).mean(axis=1))
+    few = np.arange(1, min(2, len(primary.facets)) + 1)
+    m, guesses = len(secondary.points), middles.query(secondary.points, k=few, ordered=True)[1]
     bound, found, known = np.full(m, np.inf), [], np.full(guesses.shape, -1)
     # first guesses bound the distance: the exact search then is short
     for column, guess in enumerate(guesses.T):
@@ -94,13 +97,6 @@ def closest_facets(
     near = np.flatnonzero(distance <= nearest[point] + SOLVED * primary.lengths[facet])
     chosen = near[_most_opposite(secondary, primary, point[near], facet[near])]
     return point[chosen], facet[chosen], xi[chosen]
-
-
-def _guesses(secondary: ContactSurface, primary: ContactSurface) -> Index:
-    """The facet nearest to each point and, for where it is no partner, the next one, (m, 2 or 1)."""
-    middles = Tree(primary.points.take(primary.facets, axis=0).mean(axis=1))
-    few = np.arange(1, min(2, len(primary.facets)) + 1)
-    return middles.query(secondary.points, k=few, ordered=True)[1]
 
 
 def _most_opposite(
@@ -308,11 +304,9 @@ def nearby_facets(surface: ContactSurface, points: Array) -> tuple[Index, Index]
     middles = surface.kind.shapes(surface.kind.middle)[0] @ surface.points[surface.facets]
     bound = Tree(np.concatenate([surface.points, middles])).distances(points)
     bound += SOLVED * surface.lengths.max()
-
-    def in_reach(point: Index, nodes: Nodes) -> Mask:
-        return np.asarray(sizes(points[point] - nodes.centre) - nodes.radius <= bound[point])
-
-    found = FacetTree.build(surface, len(points), cones=False).descend(len(points), in_reach)
+    found = FacetTree.build(surface, len(points), cones=False).descend(
+        len(points), lambda p, nodes: sizes(points[p] - nodes.centre) - nodes.radius <= bound[p]
+    )
     point, facet = (np.concatenate(column) for column in zip(*found, strict=True))
     return point, facet
 

@@ -165,7 +165,9 @@ def dual_mortar(
     M, facet = primary_matrix(moments, basis.A)
     of_secondary, of_primary = mortar_normals(moments, basis.A, normal)
     M = M if exchange is None else M + exchange
-    paired = (area > 0) & ~shared_nodes(secondary, primary)
+    paired = area > 0
+    if secondary.body is primary.body:  # nodes on both (the tip of a slit) can not meet themselves
+        paired &= ~np.isin(secondary.dofs[:, 0], primary.dofs[:, 0])
     sums = np.asarray(np.bincount(entries(M)[0], M.data, len(paired)), dtype=float)
     W_s, W_m = weights = divided(D, area, paired), divided(M, sums, paired)
     for W in weights:
@@ -266,7 +268,10 @@ def secondary_matrix(
     part = data.sum(axis=2)
     area = np.asarray(np.bincount(surface.facets.ravel(), part.ravel(), m), dtype=float)
     total = summed(surface.facets, part[:, :, None] * surface.facet_node_normals, m)
-    return D, area, -node_directions(surface, total, area)
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    # opposite sides cancel at no corner but a crack tip; there the node's own will do
+    known = length > SOLVED * area[:, None]
+    return D, area, -np.divide(total, length, out=surface.normals.copy(), where=known)
 
 
 def primary_matrix(moments: Moments, A: Array) -> tuple[csr_matrix, Index]:
@@ -395,21 +400,6 @@ def divided(matrix: csr_matrix, by: Array, paired: Mask) -> csr_matrix:
         np.concatenate([[0], np.cumsum(np.where(paired, np.diff(matrix.indptr), 0))]),
     )
     return csr_matrix((value[keep] / by[row], column[keep], start), shape=matrix.shape)
-
-
-def shared_nodes(secondary: ContactSurface, primary: ContactSurface) -> Mask:
-    """Nodes that are on both surfaces (the tip of a slit) and can not meet themselves."""
-    if secondary.body is not primary.body:
-        return np.zeros(len(secondary.points), dtype=bool)
-    return np.isin(secondary.dofs[:, 0], primary.dofs[:, 0])
-
-
-def node_directions(surface: ContactSurface, total: Array, area: Array) -> Array:
-    """Unit vectors along weighted sums of normals (m, d), whose weights add up to the areas (m,)."""
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    # opposite sides cancel at no corner but a crack tip; there the node's own will do
-    known = length > SOLVED * area[:, None]
-    return np.divide(total, length, out=surface.normals.copy(), where=known)
 
 
 def weighted_gaps(

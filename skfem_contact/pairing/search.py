@@ -150,9 +150,7 @@ class FacetTree:
         return cls(tuple(levels), order)
 
     def descend(
-        self,
-        count: int,
-        meets: Callable[[Index, Nodes], Mask],
+        self, count: int, meets: Callable[[Index, Nodes], Mask]
     ) -> Iterator[tuple[Index, Index]]:
         """Yield pairs (item, facet) whose nodes are all met, from the top down.
 

@@ -165,16 +165,11 @@ def heights(own: Place, other: Place, v: Array, gap: Array, beyond: Array | None
         shared, rest = sign * common, alike
         if side.strain is not None:  # as the facet has stretched
             shared = shared + np.einsum("dep,efp->dfp", side.strain, shared)
-            rest = rest * (1 + np.einsum("dep,dep->p", of_trace_one(ways), side.strain))
+            along, trace = np.einsum("dep,dep->p", ways, side.strain), np.einsum("dd...->...", ways)
+            rest = rest * (1 + np.divide(along, trace, out=np.zeros_like(along), where=trace > 0))
         h += side.spread.trace(shared - rest * _in_space(bend, T)) + rest * height
     spreads = None if one.spread is None or two.spread is None else (one.spread, two.spread)
     return Heights(h, spreads, common, ways, alike)
-
-
-def of_trace_one(K: Array) -> Array:
-    """Tensors (d, d, ...) over their traces; zero where these are."""
-    trace = np.einsum("dd...->...", K)
-    return np.divide(K, trace, out=np.zeros_like(K), where=trace > 0)
 
 
 def _in_space(k: Array, T: Array) -> Array:

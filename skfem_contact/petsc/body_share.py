@@ -96,7 +96,8 @@ class BodyShare(Share):
         """Factorise the interior."""
         super().set_up()
         if self.has_complement:
-            solve_eliminated(self.ksp.getPC().getFactorMatrix())
+            # which part of solutions is asked for: that of the eliminated rows alone
+            self.ksp.getPC().getFactorMatrix().setMumpsIcntl(26, 0)
 
     @property
     def _package(self) -> str:
@@ -269,18 +270,9 @@ def leave_schur(PETSc: Any, factors: Any, rows: Index) -> None:
     wanted.destroy()
 
 
-def solve_eliminated(factors: Any) -> None:
-    """Let solves be with the eliminated rows alone; to be said once the factors are there."""
-    factors.setMumpsIcntl(26, 0)  # which part of the solution is asked for: that of these rows alone
-
-
 def schur_complement(PETSc: Any, factors: Any, n: int) -> Array:
     """A copy of what is left, (n, n), on rank 0: of its two triangles only one is good."""
-    held, matrix, status = (
-        ctypes.c_void_p(factors.handle),
-        ctypes.c_void_p(),
-        ctypes.c_int(),
-    )
+    held, matrix, status = (ctypes.c_void_p(factors.handle), ctypes.c_void_p(), ctypes.c_int())
     _call(PETSc, "MatFactorGetSchurComplement", held, ctypes.byref(matrix), ctypes.byref(status))
     start = ctypes.POINTER(ctypes.c_double)()
     _call(PETSc, "MatDenseGetArrayRead", matrix, ctypes.byref(start))

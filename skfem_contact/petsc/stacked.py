@@ -63,7 +63,7 @@ class StackedStiffness(DistributedStiffness, Stacked):
         further: csr_matrix | None = None,
     ) -> None:
         self.bodies, self.uses_modes = bodies, uses_modes
-        self.parts = [part.on_ranks() for part in parts]
+        self.parts = [part._with(None) for part in parts]  # without what is added
         self.offsets = np.concatenate([[0], np.cumsum([len(part.diagonal()) for part in parts])])
         self.own: Ranks = parts[0].own
         q = 0 if further is None else further.shape[0]

@@ -123,10 +123,6 @@ class RankedStiffness(DistributedStiffness):
         some = csr_matrix(found[back])
         return some if self.added is None else csr_matrix(some + self.added[dofs])
 
-    def on_ranks(self) -> RankedStiffness:
-        """Without what is added."""
-        return self._with(None)
-
     def __add__(self, other: Any) -> RankedStiffness:
         return self._with(csr_matrix(other if self.added is None else self.added + other))
 

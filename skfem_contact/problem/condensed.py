@@ -43,14 +43,16 @@ from skfem_contact.conditions.state import LoadCase
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.backend import Backend
-from skfem_contact.linalg.dense_factors import Limits, blocks, factor_bound, symmetrise, written_bytes
+from skfem_contact.linalg.dense_factors import (
+    ROWS_AT_ONCE,
+    Limits,
+    factor_bound,
+    symmetrise,
+    written_bytes,
+)
 from skfem_contact.linalg.direct import Direct, as_linear_solver
 from skfem_contact.linalg.fronts import FactorSize
-from skfem_contact.problem.seam import (
-    ContactProblem,
-    PosedOn,
-    Source,
-)
+from skfem_contact.problem.seam import ContactProblem, PosedOn, Source
 from skfem_contact.problem.substructure import Components, Substructure
 from skfem_contact.problem.zone import KEPT_BESIDE, PointProblem
 from skfem_contact.records import once
@@ -200,7 +202,8 @@ class Condensed(Substructures):
         W = np.zeros((G.shape[0], G.shape[0]))
         for part, span in zip(self.substructures, self.column_spans, strict=True):
             delassus_compliance(W, columns_of(G, span), part.flexibility)
-        for rows in blocks(len(W)):  # all else is written twice
+        for begin in range(0, len(W), ROWS_AT_ONCE):  # all else is written twice
+            rows = slice(begin, begin + ROWS_AT_ONCE)
             symmetrise(W[rows, rows])
         return W
 
@@ -270,13 +273,12 @@ def delassus_compliance(W: Array, G: csr_matrix, F: Array) -> None:
     if 2 * len(some) < len(F):
         place = np.cumsum(touched) - 1
         G, F = with_columns(G, place, len(some)), F[np.ix_(some, some)]
-    for rows in blocks(len(W)):
-        begin, end = rows.start, rows.stop
-        whole = end - begin == len(W)
-        part, below = (G, G) if whole else (G[rows], G[begin:])
+    for begin in range(0, len(W), ROWS_AT_ONCE):
+        end = begin + ROWS_AT_ONCE
+        part, below = (G, G) if len(W) <= ROWS_AT_ONCE else (G[begin:end], G[begin:])
         found = below @ (part @ F).T
-        W[begin:, rows] += found
-        W[rows, end:] += found[end - begin :].T
+        W[begin:, begin:end] += found
+        W[begin:end, end:] += found[ROWS_AT_ONCE:].T
 
 
 def wanted_of(body: Member, span: slice, wanted: Index) -> Index:
@@ -351,7 +353,7 @@ class Choice:
         self.system, self.stiffness = system, stiffness
         self.rows, self._wanted, self.steps = rows, wanted, steps
 
-    @property
+    @cached_property
     def route(self) -> str:
         """Return how the bodies enter the contact problem.
 
@@ -370,12 +372,12 @@ class Choice:
             return "iterated"
         return "iterated" if 0 < self.steps < self.pays_from else "condensed"
 
-    @property
+    @cached_property
     def chooses(self) -> bool:
         """Whether the backend is left to this choice, as by "auto"."""
         return isinstance(self.linear, str) and self.by_memory
 
-    @property
+    @cached_property
     def few_steps(self) -> bool:
         """Whether multigrid takes less time than factors for the load steps that are known to come."""
         return 0 < self.steps < self.factors_pay_from
@@ -391,15 +393,12 @@ class Choice:
         fits = self.chooses and self._factor_bound <= self.limits.factors
         return self.route == "condensed" or (fits and self.dense_bytes <= self.limits.dense)
 
-    @property
-    def way(self) -> tuple[str, bool]:
-        """Return what a model is made for: the route, and whether few steps are to come."""
-        return self.route, self.few_steps
-
     def expecting(self, steps: float) -> Choice:
         """The same with more load steps to come."""
         new = copy(self)
         new.steps += steps
+        for name in ("route", "few_steps"):  # which follow from them
+            vars(new).pop(name, None)
         return new
 
     @cached_property
@@ -424,7 +423,7 @@ class Choice:
         # a body without stiffness is refused in words, later
         return cubes / (CUBES_PER_ENTRY * entries) if entries else 0.0
 
-    @property
+    @cached_property
     def by_memory(self) -> bool:
         """Whether the route follows from memory and time: by default, or by backends that condense."""
         if isinstance(self.linear, str):

@@ -256,13 +256,7 @@ class SparseSpace:
         return self.backend.factorize(K_r, points=points, modes=modes, spd=spd)
 
     def _response(
-        self,
-        conditions: Conditions,
-        load: Load,
-        u: Array,
-        p: Array,
-        closed: Index,
-        sticking: Index,
+        self, conditions: Conditions, load: Load, u: Array, p: Array, closed: Index, sticking: Index
     ) -> Response:
         kin, (m, t) = self.kin, conditions.anchor.shape
         gap = load.gap0 + kin.B_n @ u

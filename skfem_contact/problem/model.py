@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags
 
-from skfem_contact.arrays import Array, entries
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body
-from skfem_contact.conditions.geometry import Geometry
-from skfem_contact.conditions.interface import Interface, point_labels, secondary_dofs
+from skfem_contact.conditions.geometry import Geometry, secondary_dofs
+from skfem_contact.conditions.interface import Interface, point_labels
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.motions import RigidMotions, no_equilibrium, rigid_motions
 from skfem_contact.conditions.state import LoadCase
@@ -194,13 +194,12 @@ class LinearModel:
         Results that are there keep the one they have.
         """
         with self._lock:
-            choice = self.choice.expecting(steps)
-            # those have their choice from here
-            used = self._decided or "bodies" in vars(self) or self._sprung
-            if used and (new := choice.way) != (old := self.choice.way):
-                reuse = self.substructures if new[0] == old[0] else ()
-                return self._like(reuse=reuse, steps=choice.steps)
-            self.choice = choice
+            old, new = self.choice, self.choice.expecting(steps)
+            if self._decided or "bodies" in vars(self) or self._sprung:  # which have their choice here
+                same = new.route == old.route
+                if not same or new.few_steps != old.few_steps:
+                    return self._like(reuse=self.substructures if same else (), steps=new.steps)
+            self.choice = new
             return self
 
     def with_tangents(self, stiffness: Sequence[csr_matrix]) -> LinearModel:
@@ -353,8 +352,7 @@ class LinearModel:
         found = np.zeros(self.system.n, dtype=bool)
         found[kin.B_n.indices] = True  # points without partner have none
         if slips.any():
-            row, column, _ = entries(kin.B_t)
-            found[column[np.repeat(slips, kin.tangents)[row]]] = True
+            found[kin.B_t[np.repeat(slips, kin.tangents)].indices] = True
         return np.flatnonzero(found)
 
     @cached_property

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.digits import SOLVED
-from skfem_contact.linalg.dense_factors import DenseFactors, blocks, factorised
+from skfem_contact.linalg.dense_factors import ROWS_AT_ONCE, DenseFactors, factorised
 from skfem_contact.records import dataclass
 
 
@@ -413,7 +413,8 @@ class PointSpace:
             on = rows.slides[:, k] & rows.slides[:, j]
             row, column = where[self.tangential_rows[on, k]], where[self.tangential_rows[on, j]]
             At[column, row] += conditions.spring[on, k, j]
-        for some in blocks(len(rows.rubbing)):
+        for begin in range(0, len(rows.rubbing), ROWS_AT_ONCE):
+            some = slice(begin, begin + ROWS_AT_ONCE)
             pressing = self.S[free[:, None], rows.pressing[some]]
             At[:, where[rows.rubbing[some]]] += rows.share[some] * pressing
         return factorised(At.T, symmetric=not len(rows.rubbing) and conditions.even_springs)

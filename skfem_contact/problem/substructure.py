@@ -10,6 +10,7 @@ import logging
 import math
 from collections.abc import Callable, Sequence
 from copy import copy
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,8 +25,7 @@ from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.linalg.backend import Backend, BodyFactor
 from skfem_contact.linalg.dense_factors import cholesky, lu
 from skfem_contact.linalg.direct import Direct, IndefiniteFactor
-from skfem_contact.linalg.fronts import FactorSize, factor_size
-from skfem_contact.linalg.ordering import nodes_of
+from skfem_contact.linalg.fronts import FactorSize, factor_size, nodes_of
 from skfem_contact.records import Lock, once
 
 logger = logging.getLogger("skfem_contact")
@@ -241,7 +241,7 @@ class Substructure:
         S = self._factor.S if len(self.kept) else np.zeros((0, 0))
         return S if S.size == len(self.kept) ** 2 else self._factorised().S
 
-    @once
+    @cached_property
     def springs(self) -> Array:
         """Stiffness of springs to the ground on the anchors, (k,) [force/length]."""
         if not len(self.anchors):
@@ -253,7 +253,7 @@ class Substructure:
         """Inverse of S with springs, shape (n_c, n_c) [length/force]; takes the place of a large S."""
         if len(self.kept) == 0:
             return np.zeros((0, 0))
-        S = self._factor.take_S()
+        S, self._factor.S = self._factor.S, np.zeros((0, 0))  # which the factors do not need
         if not S.size:  # asked for before, in vain
             S = self.S.copy()
         at = np.searchsorted(self.kept, self.anchors)

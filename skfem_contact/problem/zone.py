@@ -32,7 +32,7 @@ from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.rows import stacked_rows
 from skfem_contact.conditions.state import LoadCase
 from skfem_contact.errors import SingularMatrix
-from skfem_contact.linalg.dense_factors import blocks, cholesky, lu, symmetrise
+from skfem_contact.linalg.dense_factors import ROWS_AT_ONCE, cholesky, lu, symmetrise
 from skfem_contact.problem.points import (
     NO_ROW,
     Conditions,
@@ -440,7 +440,8 @@ def without_anchors(A: Array, A_zq: Array, carried: Array) -> Array:
         return A
     # the rows close up, from the first one on: NumPy copies what is not in one piece for every product
     S = A.reshape(-1)[: q * q].reshape(q, q)
-    for rows in blocks(q):
+    for begin in range(0, q, ROWS_AT_ONCE):
+        rows = slice(begin, min(begin + ROWS_AT_ONCE, q))
         S[rows] = A[rows, :q] - A_zq[rows] @ carried
     symmetrise(S)
     return S

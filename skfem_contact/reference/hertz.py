@@ -44,7 +44,8 @@ def effective_modulus(E1: float, nu1: float, E2: float = math.inf, nu2: float = 
     """
     positive(E1=E1, E2=E2)
     poisson(nu1, nu2)
-    return 1 / ((1 - nu1**2) / E1 + (1 - nu2**2) / E2)
+    compliance = (1 - nu1**2) / E1 + (1 - nu2**2) / E2
+    return 1 / compliance if compliance else math.inf
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.arguments import not_negative, poisson, positive
 from skfem_contact.errors import InputError
+from skfem_contact.reference.hertz import effective_modulus
 
 Array = NDArray[np.float64]
 
@@ -158,7 +159,7 @@ def lame_rings(
     for E, nu in (inner, outer):
         positive(E=E)
         poisson(nu)
-        materials.append((E / (1 - nu**2), nu / (1 - nu)) if plane == "strain" else (E, nu))
+        materials.append((effective_modulus(E, nu), nu / (1 - nu)) if plane == "strain" else (E, nu))
 
     if math.isinf(inner[0]) and math.isinf(outer[0]):
         raise InputError("Both rings are rigid: at least one E must be finite.")

@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.validity.deformed_boundaries import Boundary, boundary
+from skfem_contact.answers.validity.deformed_boundaries import boundary
 from skfem_contact.answers.validity.overlaps import (
     Overlaps,
     at_obstacle,
@@ -27,7 +27,7 @@ from skfem_contact.answers.validity.overlaps import (
     sides_of,
     unselected_words,
 )
-from skfem_contact.answers.validity.strain import lockable, locked, may_lock, strains
+from skfem_contact.answers.validity.strain import lockable, locked, strains
 from skfem_contact.answers.validity.support import (
     Support,
     leaning,
@@ -55,7 +55,7 @@ from skfem_contact.answers.validity.validity import (
     strain_words,
 )
 from skfem_contact.arrays import Array, Index
-from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.body import Body, may_lock
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
@@ -126,7 +126,7 @@ class Watch:
             for b, (name, support) in enumerate(zip(names, self.supports, strict=True))
             if len(support.dofs) and name in solids
         }
-        self.may_lock = any(map(may_lock, bodies))  # whatever the answer is
+        self.may_lock = any(map(may_lock, solids.values()))  # whatever the answer is
 
     def _known(self, b: int) -> Index:
         """DOFs of a body at its supports and contacts."""
@@ -164,31 +164,32 @@ class Watch:
         x, u, known = result.case.x, np.zeros(0), result.diagnostics
         if self.asks:  # where bodies slide along an axis their contact DOFs do not tell
             u = result.u if self.inside else result.recover.at_contact()
-        motions = [support.motion(x) for support in self.supports]
+        motions, off = zip(*(support.fitted(x) for support in self.supports), strict=True)
         drifts = tuple(track.look(result, motions, u) for track in self.tracks)
         turns = {
             name: float(m[2] if len(m) == 3 else np.linalg.norm(m[3:])) / self.supports[b].arm
             for name, b in self.turning.items()
             for m in [motions[b]]
         }
-        stretches = {name: self.supports[b].off_rigid(x) for name, b in self.turning.items()}
-        stretches |= {name: support.off_rigid(u) for name, support in self.floating.items()}
+        stretches = {name: off[b] for name, b in self.turning.items()}
+        stretches |= {name: support.fitted(u)[1] for name, support in self.floating.items()}
         shares = known.leaning
         if len(result.state.surface):  # of what slides far
             far = surface_turns(self.system, self.contacts, result.state.surface)
             turns |= rigid_rotations(far)
             shares = shares | turned(result, far, self.supports, [d.approach for d in drifts])
-        found = [
-            self.overlaps.undetected(track, result, u, drift)
-            for track, drift in zip(self.tracks, drifts, strict=True)
-        ]
+        undetected = {
+            i: text
+            for i, (track, drift) in enumerate(zip(self.tracks, drifts, strict=True))
+            if track.rigid and (text := self.overlaps.undetected(track, result, u, drift))
+        }
         return replace(
             known,
             drifts=drifts,
             turns=turns,
             tracks=self.tracks,
-            intrusions=self.overlaps.look_far(result, drifts),
-            undetected={i: text for i, text in enumerate(found) if text},
+            intrusions=self.overlaps.look_far(result, drifts) if self.overlaps.far else frozenset(),
+            undetected=undetected,
             leaning=shares,
             stretches=stretches,
         )
@@ -199,7 +200,8 @@ class Watch:
         suspected, looked = self._suspected(result)
         bodies, seen = self._strained(result)
         looked |= seen
-        if not (suspected or bodies or looked or leaning(self.system, known.leaning, known.issued)):
+        leans = known.leaning and leaning(self.system, known.leaning, known.issued)
+        if not (suspected or bodies or looked or leans):
             return known
         measured = Assessment(result)
         problems = measured.problems(suspected, bodies, known.issued)
@@ -334,7 +336,8 @@ class Assessment:
         self.lockable = lockable(result)
         self.meetings = dict(result.diagnostics.meetings)
         # each measure once
-        self.strains, self.boundary = cache(self._strains), cache(self._boundary)
+        self.strains = cache(lambda name: strains(self.solids[name], result.stretched(name)))
+        self.boundary = cache(lambda name: boundary(self.solids[name], result.displacement(name)))
         self.drift, self.contact = cache(self._drift), cache(self._contact)
 
     def problems(
@@ -367,14 +370,6 @@ class Assessment:
         return f"Contact {self.result.names[i]!r} ({self.result.contacts[i].label}): "
 
     # -- bodies -------------------------------------------------------------------------------
-
-    def _strains(self, name: str) -> tuple[float, float, float]:
-        """Mean and largest strain, and rotation, of a body; see `strain.strains`."""
-        return strains(self.solids[name], self.result.stretched(name))
-
-    def _boundary(self, name: str) -> Boundary:
-        """The deformed boundary of a body."""
-        return boundary(self.solids[name], self.result.displacement(name))
 
     def of_body(self, name: str) -> dict[str, str]:
         """Return what is beyond its bound of one body, in words by kind.

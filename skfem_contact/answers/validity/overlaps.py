@@ -109,8 +109,6 @@ class Overlaps:
 
         By the drifts of all contacts, as far as a step knows them.
         """
-        if not self.far:
-            return frozenset()
         parts = self._filled(self.beside_surfaces, result.at_surfaces())
         return frozenset(i for i in self.far if self._seems(i, parts, result, drifts[i]))
 
@@ -172,7 +170,7 @@ class Overlaps:
         Parameters are those of `ContactWatch.look`, and what it has found.
         """
         words = leaning_words(track, result, u) if track.of_triangles else ""
-        if words or drift.closed or not track.rigid or track.contact.bilateral:
+        if words or drift.closed or track.contact.bilateral:
             return words
         # nothing touches; what finds partners that it did not have has come to another place
         gap, depth = result.gap[track.part], self.depth_in_solid(track)
@@ -298,11 +296,7 @@ def at_obstacle(result: Answer, i: int, body: Callable[[], Boundary]) -> Meeting
 
 
 def crossing(
-    track: ContactWatch,
-    points: Sequence[Array],
-    added: Array,
-    approach: float,
-    noise: float,
+    track: ContactWatch, points: Sequence[Array], added: Array, approach: float, noise: float
 ) -> Crossing | None:
     """Measure how edges of two solids cross.
 

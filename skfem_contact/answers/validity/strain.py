@@ -45,11 +45,7 @@ from skfem_contact.bodies.assembly import (
     shape_gradients,
     with_points,
 )
-from skfem_contact.bodies.body import Body
-
-#: Bulk over shear modulus from which on a body is looked at: a Poisson's ratio of .46, where four
-#: elements of first order under a contact give forces that are 6 % larger, over true ones, than at .3.
-STIFF_BULK = 12.0
+from skfem_contact.bodies.body import STIFF_BULK, Body, may_lock
 
 #: Quotient of bulk and shear modulus, times the share of the energy and times that of the shear that
 #: averages take away, both: first-order elements that lock altogether. 860 where forces are 120 times
@@ -126,16 +122,8 @@ FIRST_ORDER = {
 
 def lockable(result: Answer) -> list[str]:
     """Names of the bodies that may lock, where the answer is by their own stiffness."""
-    given = zip(result.system.names, result.system.bodies, result.stiffness, strict=True)
-    return [name for name, body, K in given if may_lock(body) and K is body.K]
-
-
-def may_lock(body: Any) -> bool:
-    """Return whether some material of a body hardly changes its volume, as far as that is known."""
-    if not isinstance(body, Body) or body.components == 1:
-        return False
-    known = body.moduli
-    return known is not None and known.quotient > STIFF_BULK
+    given = dict(zip(result.system.names, result.stiffness, strict=True))
+    return [name for name, b in result.system.solids.items() if may_lock(b) and given[name] is b.K]
 
 
 def locked(result: Answer, name: str) -> float:

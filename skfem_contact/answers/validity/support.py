@@ -123,19 +123,16 @@ class Support:
         """Displacements of points (m, d) by all motions, shape (m, d, r)."""
         return unit_motions(points, self.centre, self.arm)
 
-    def along(self, points: Array, direction: Array) -> Array:
-        """How far motions move points (m, d) along their directions (m, d): rows, shape (m, r)."""
-        return np.asarray(np.einsum("md,mdk->mk", direction, self.unit_at(points)))
-
-    def holds(self, points: Array, direction: Array) -> bool:
-        """Return whether no open motion moves points along their directions, both (m, d)."""
-        moved = self.along(points, direction) @ self.free
+    def holds(self, unit: Array, direction: Array) -> bool:
+        """Return whether no open motion moves points along their directions (m, d), by `unit_at`."""
+        moved = np.einsum("md,mdk->mk", direction, unit) @ self.free
         return bool(np.max(np.abs(moved), initial=0.0) < SUPPORTED)
 
-    def off_rigid(self, u: Array) -> float:
-        """How far displacements (n,) are off a rigid motion, over the extent of the body."""
-        off = np.abs(u[self.dofs] - self.unit @ self.motion(u))
-        return float(np.max(off, initial=0.0)) / self.arm
+    def fitted(self, u: Array) -> tuple[Array, float]:
+        """The motion under displacements (n,), and how far they are off it over the body's extent."""
+        motion = self.motion(u)
+        off = np.abs(u[self.dofs] - self.unit @ motion)
+        return motion, float(np.max(off, initial=0.0)) / self.arm
 
 
 class Extrapolation:
@@ -226,7 +223,8 @@ def elastic_approach(result: Answer, i: int, displacement: Array | None = None) 
     elastic = np.array(result.u if displacement is None else displacement)
     for body in {id(side.body): side.body for side in sides}.values():  # type: ignore[union-attr]
         support = Support.of(body, 0)
-        if not support.holds(contact.secondary.points[closed], result.kin.normal[part][closed]):
+        unit = support.unit_at(contact.secondary.points[closed])
+        if not support.holds(unit, result.kin.normal[part][closed]):
             return 0.0
         rigid = support.at(body.dof_points, support.motion(elastic[system.slice(body)]))
         elastic[system.slice(body)] -= rigid[np.arange(body.n), body.dof_component]
@@ -303,10 +301,7 @@ def _angle(turn: Array) -> float:
 
 
 def turned(
-    result: Answer,
-    turns: Mapping[str, Turn],
-    supports: Sequence[Support],
-    approaches: Sequence[float],
+    result: Answer, turns: Mapping[str, Turn], supports: Sequence[Support], approaches: Sequence[float]
 ) -> dict[str, float]:
     """What linear bodies leave out that turn, over what it is a part of, by name: see the module.
 

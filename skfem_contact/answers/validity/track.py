@@ -302,14 +302,13 @@ class ContactWatch(Track):
             self.bodies.append(self.system.index(contact.rigid_body))
         held_by = [supports[b] for b in self.bodies]
         self.motions = [s.unit_at(self.points) for s in held_by]
-        points, normal = self.points[self.paired], self.normal[self.paired]
-        self.borne, self.held = (
-            all(s.holds(points, normal) for s in some) for some in (held_by[:1], held_by)
-        )
+        by = [(s, unit[self.paired]) for s, unit in zip(held_by, self.motions, strict=True)]
+        holds = [s.holds(unit, self.normal[self.paired]) for s, unit in by]
+        self.borne, self.held = holds[0], all(holds)
         self.inside, self.loose = False, None
         if self.small and contact.friction is None and not contact.tied:
             along = np.moveaxis(self.tangent[self.paired], 1, 0)
-            if not all(s.holds(points, way) for s in held_by for way in along):
+            if not all(s.holds(unit, way) for s, unit in by for way in along):
                 self.loose = [self._free(b, known()) for b in self.bodies]
         self.asks = self.of_triangles or self.loose is not None or self.of_pieces
         self.asks |= self.tool and self.small
@@ -317,17 +316,8 @@ class ContactWatch(Track):
     def carried(self) -> ContactWatch:
         """What an answer takes along, without what steps alone look with: it comes from the bodies."""
         out = copy(self)
-        for name in (
-            "geometry",
-            "motions",
-            "loose",
-            "soft",
-            "spared",
-            "borne",
-            "held",
-            "inside",
-            "asks",
-        ):
+        steps = ("geometry", "motions", "loose", "soft", "spared", "borne", "held", "inside", "asks")
+        for name in steps:
             delattr(out, name)
         return out
 
