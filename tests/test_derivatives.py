@@ -850,9 +850,7 @@ def test_wrong_questions_are_refused():
             {"displacement": np.ones(5)}
         ),
         r"return \(value, derivatives\)": lambda: solver.gradient(lambda r: 1.0, [STEP], by="gap"),
-        "0 derivatives for 1 results: give one dict for each": lambda: solver.gradient(
-            lambda r: (1.0, []), [STEP], by="gap"
-        ),
+        "a dict for each of 1 results": lambda: solver.gradient(lambda r: (1.0, []), [STEP], by="gap"),
         "by is empty": lambda: solver.gradient(lambda r: (1.0, [None]), [STEP], by=[]),
         "steps are empty": lambda: solver.gradient(lambda r: (1.0, []), [], by="gap"),
         "for gradient": lambda: solver.jacobian(

@@ -34,9 +34,7 @@ from skfem_contact.conditions.state import LoadCase
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import blocks, cholesky, lu, symmetrise
 from skfem_contact.problem.points import (
-    NO_ROW,
     Conditions,
-    Duals,
     Load,
     LoadForces,
     PointSpace,
@@ -336,15 +334,18 @@ class Zone:
 
     def solve(self, conditions: Conditions, load: Load, key: object) -> Response:
         """Gaps, slips and forces of all points under conditions that close no other ones."""
+        assert load.moved is not None
+        if load.back is not None and self.left:  # forces on what is left out move the others
+            load.moved[self._on] += load.back[self.rest] @ self._across
+            load.back = load.back[self.rows]
         response, p = self.space.pushed(conditions, load, key)
         z, q = response.solution, np.zeros(0)  # no anchors, as a rule
-        assert load.moved is not None
         if len(self._A_qq):
             moved = load.moved if self._on is None else load.moved[self._on]
             z0, q0 = moved[: len(z)], moved[len(z) :]
             # R (A_qq q0 - A_qz (z - z0)), with R = (A_qq - 1)^-1 and the pull R q0
             q = q0 + self._forces.pull - self._carried @ (z - z0)
-        if self.left:
+        if self.left and load.back is None:
             full = np.zeros(len(self.rows) + len(self.rest) + 1)  # the last for rows of -1
             full[self.rows] = z
             full[self.rest] = load.moved[self.rest] + self._across.dot(np.append(p, q))
@@ -353,43 +354,6 @@ class Zone:
             response.slip[self._left] += full[tangential]
         response.solution = np.append(z, q) if len(q) else z
         return response
-
-    def adjoint(self, conditions: Conditions, of: Response, key: object) -> Duals:
-        """`solve` backwards.
-
-        Parameters
-        ----------
-        conditions, key
-            As of `solve`.
-        of : Response
-            Derivatives of a number by gaps, slips and forces of all points; its solution those by the
-            forces of all rows and of the springs on anchors, which come on top.
-
-        Returns
-        -------
-        dict of ndarray
-            As of `PointSpace.adjoint`; `moved` is by what gaps, slips and anchors do where contact
-            carries nothing.
-        """
-        forces, moved = of.solution.copy(), np.zeros(len(of.solution))
-        q, by_z = len(forces) - len(self._A_qq), np.zeros(len(self.rows))
-        if self.left:
-            left = np.zeros(q + 1)  # the last for rows of -1
-            left[self._normal], left[self._tangential] = of.gap, of.slip
-            moved[self.rest] = left[self.rest]
-            forces[self._on] += moved[self.rest] @ self._across
-        if len(forces) > q:
-            anchors = self._rigid.solve(forces[q:])
-            by_z = -forces[q:] @ self._carried
-        p = np.concatenate((forces[:q], NO_ROW))
-        normal_force = of.normal_force + p[self._normal]
-        friction = of.tangential_force - p[self._tangential]
-        own = Response(of.gap, of.slip, normal_force, friction, by_z)
-        found = self.space.adjoint(conditions, own, key)
-        moved[self.rows] = found["moved"] - by_z
-        if len(forces) > q:
-            moved[q:] = self._A_qq @ anchors - self._carried @ found["load"]
-        return found | {"moved": moved}
 
 
 def indefinite_inverse(W: Array, refuses: bool = True) -> Array:

@@ -20,7 +20,6 @@ from skfem_contact.answers.tangent.rates import Maps, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import numbers, shown, with_known_keywords
 from skfem_contact.arrays import Array
-from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.bodies.member import Member
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.friction import Coulomb, Tresca
@@ -137,8 +136,8 @@ def change(by: Parameter, tangent: Tangent) -> Values:
 
     Loads f and x (n,); gap0 (m, 1) and slip0 (m, d-1); of the friction force that the return map makes
     of the same trial force, `mapped` (m, d-1), and of its bound under the same normal force (m, 1); of
-    the stretch of bolts at the same displacements, `drive`, and of their tension at the same stretch
-    too (b,); of area (m, 1), normal (m, d) and axes.
+    what bodies bear at the same displacements, `borne` (n,); of the stretch of bolts there, `drive`,
+    and of their tension at the same stretch too (b,); of area (m, 1), normal (m, d) and axes.
     """
     if by.kind == "scene":
         return _between(by, tangent)
@@ -173,9 +172,9 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
     """What the values of a parameter at each point or DOF change, which are zero at other places."""
     answer, bolts, kind = tangent.answer, tangent.bolts, by.kind
     case, system, kin = answer.case, answer.system, answer.kin
-    if bolts is not None and kind in BOLTS:
-        given = tangent.tightened if kind == "bolt_force" else ~tangent.tightened & ~tangent.locked
-        return [("drive", FIELD, given / np.where(tangent.tightened, bolts.k, 1.0))]
+    if kind in BOLTS:
+        shift = 1.0 * ~(tangent.tightened | tangent.locked)
+        return [("drive", FIELD, -tangent.by_pull if kind == "bolt_force" else shift)]
     if kind == "stiffness":
         borne, along = np.zeros(system.n), by.along
         for i, at in places:
@@ -184,12 +183,12 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
                 borne[at] = _borne(body, answer.stiffness[i], u)
                 if bolts:  # the stiffness of a step that gives their forces lets them slide
                     P = bolts.pulls[:, at]
-                    borne[at] += P.T @ np.where(tangent.tightened, P @ u / bolts.k, 0.0)
+                    borne[at] -= P.T @ (tangent.by_pull * (P @ u))
             elif along.shape == (body.n, body.n):
                 borne[at] = system.scaled(body, along) @ u
             else:
                 raise InputError(f"{by!r}: along has shape {along.shape}; the body has {body.n} DOFs")
-        return [("borne", FIELD, borne), *_eased(tangent)]
+        return [("borne", FIELD, borne)]
     if kind in LOADS:
         load = kind == "load"
         # of a body in a step over those that a user gives; or of all, with what fluids have by now
@@ -201,8 +200,7 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
             return [("x", FIELD, case.x)]
         maps: Maps = [("f", FIELD, case.applied + (answer.load - case.f))]
         if bolts is not None:
-            heat = bolts.slides.multiply(bolts.thermal(case))
-            maps += [("tension", FIELD, -heat), _drive(tangent, bolts)]
+            maps.append(("tension", FIELD, -bolts.slides.multiply(bolts.thermal(case))))
         return maps
     if kind == "friction":
         on = np.zeros((kin.m, 1))
@@ -250,8 +248,7 @@ def _between(by: Parameter, tangent: Tangent) -> Values:
             "is, and change both coefficients by one factor."
         )
     less, more = (_in_scene(solver, tangent) for solver in ends)
-    found = {name: (more[name] - less[name]) / width for name in less}
-    return take(_eased(tangent), found)
+    return {name: (more[name] - less[name]) / width for name in less}
 
 
 def _in_scene(solver: Any, tangent: Tangent) -> Values:
@@ -296,19 +293,6 @@ def _in_scene(solver: Any, tangent: Tangent) -> Values:
 def _borne(body: Member, K: csr_matrix, u: Array) -> Array:
     """Internal forces of a body, (n_body,)."""
     return np.asarray(body.linearize(u)[1] if body.nonlinear else K @ u)
-
-
-def _eased(tangent: Tangent) -> Maps:
-    """Changes of loads, and of stretch and force of bolts, from those of what all bodies bear, (n,)."""
-    maps: Maps = [("f", "borne", -1.0)]
-    if (bolts := tangent.bolts) is not None:
-        maps += [("tension", "borne", bolts.slides), _drive(tangent, bolts)]
-    return maps
-
-
-def _drive(tangent: Tangent, bolts: Bolts) -> tuple[str, str, Array]:
-    """Change of the stretch of bolts with a given force from that of their tension, both (b,)."""
-    return "drive", "tension", np.where(tangent.tightened, -1.0 / bolts.k, 0.0)
 
 
 # -- whose ----------------------------------------------------------------------------------------

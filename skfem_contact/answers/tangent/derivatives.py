@@ -17,7 +17,7 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.tangent.changes import LOADS, Parameter, change, contracted, parameters
-from skfem_contact.answers.tangent.rates import Maps, Rates, Verge, backward, take
+from skfem_contact.answers.tangent.rates import Maps, Verge, backward, forward, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values, add
 from skfem_contact.arguments import numbers, shown
 from skfem_contact.arrays import Array, Index
@@ -78,20 +78,21 @@ class Sensitivity:
     (..., ...)
     """
 
-    def __init__(self, by: Parameter, rates: Rates, side: int) -> None:
-        self.by, self.side, self._rates = by, side, rates
-        self._sign = -1.0 if side < 0 else 1.0
-        self._answer = rates.tangent.answer
+    def __init__(
+        self, by: Parameter, side: int, answer: Answer, rates: tuple[Values, Callable[[], Array]]
+    ) -> None:
+        self.by, self.side, self._answer = by, side, answer
+        self._sign, (self._values, self._recover) = -1.0 if side < 0 else 1.0, rates
 
     @property
     def u(self) -> Array:
         """The derivatives of the displacements of all bodies, shape (n,)."""
-        return self._sign * self._rates.u / self._answer.system.units
+        return self._sign * self._recover() / self._answer.system.units
 
     @property
     def bolts(self) -> dict[str, BoltRates]:
         """The derivatives of the forces and stretches of bolts, by name."""
-        values, names = self._rates.values, self._answer.bolt_names
+        values, names = self._values, self._answer.bolt_names
         known = [(self._sign * values[name]).tolist() for name in ("tension", "stretch") if names]
         return {name: BoltRates(*own) for name, *own in zip(names, *known, strict=True)}
 
@@ -110,7 +111,7 @@ class Sensitivity:
             Its name; not needed where there is one, nor for the energy that all of them lose.
         """
         maps, at, shape = _quantity(self._answer, quantity, contact)
-        found = self._sign * take(maps, dict(self._rates.values))[ASKED][at]
+        found = self._sign * take(maps, dict(self._values))[ASKED][at]
         found = found.sum(axis=0) if quantity in SUMS else found
         return found.reshape(shape) if shape else float(found[0])
 
@@ -124,7 +125,9 @@ class Sensitivity:
 
     def dot(self, weights: Mapping[str, Any]) -> float:
         """Derivative of a function of the result, given as for `ContactSolver.gradient`."""
-        return self._sign * self._rates.dot(weights_of(self._answer, weights))
+        found = weights_of(self._answer, weights)
+        values = self._values | ({"u": self._recover()} if "u" in found else {})
+        return self._sign * sum(float(np.sum(w * values.get(name, 0.0))) for name, w in found.items())
 
 
 def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int) -> Sensitivity:
@@ -134,12 +137,12 @@ def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int)
         raise InputError(f"side = {shown(side)}; it may be 1, -1, or 0 for the statuses that hold")
     if after is not None and (repr(after.by), after.side) != (repr(by), side):
         raise InputError(f"after is by {after.by!r}, side {after.side}; here by {by!r}, side {side}")
-    found, last = change(by, tangent), {} if after is None else after._rates.values
+    found, last = change(by, tangent), {} if after is None else after._values
     if side < 0:
         found = {name: -own for name, own in found.items()}
     at_kink = side and len(tangent.kinks)
-    rates = Verge(tangent, found, last).rates() if at_kink else Rates(tangent, found, last)
-    return Sensitivity(by, rates, side)
+    rates = Verge(tangent, found, last).rates() if at_kink else forward(tangent, found, last)
+    return Sensitivity(by, side, tangent.answer, rates)
 
 
 # -- histories ------------------------------------------------------------------------------------
@@ -239,8 +242,8 @@ class Jacobian:
 
 def _linearised(
     history: History, asked: Asked, by: tuple[Parameter, ...], recover: Recover, work: Workspace
-) -> tuple[list[Any], list[Tangent], Any, list[Any]]:
-    """A history, its tangents, a user's value of it, and the derivatives of that by each result.
+) -> tuple[list[Any], Any, list[tuple[Tangent, Any]]]:
+    """A history, a user's value of it, and the tangent of each result with the derivatives by it.
 
     The tangents borrow the memory of the load steps for as long as `work` is open.
     """
@@ -259,18 +262,12 @@ def _linearised(
     given = asked(results)
     try:
         value, derivatives = given
-        derivatives = [{} if own is None else own for own in derivatives]
+        return results, value, list(zip(tangents, derivatives, strict=True))
     except (TypeError, ValueError):
         raise InputError(
             f"the function gave {shown(given)}; it has to return (value, derivatives), these a list "
-            "with a dict for each result, None where it does not depend on it"
+            f"with a dict for each of {len(results)} results, None where it does not depend on it"
         ) from None
-    if len(derivatives) != len(results):
-        raise InputError(
-            f"the function gave {len(derivatives)} derivatives for {len(results)} results: give one "
-            "dict for each result, in the order of the steps, None where nothing depends on it"
-        )
-    return results, tangents, value, derivatives
 
 
 def gradient(history: History, objective: Asked, by: Any, recover: Recover) -> Gradient:
@@ -278,9 +275,9 @@ def gradient(history: History, objective: Asked, by: Any, recover: Recover) -> G
     by = parameters(by, many=True)
     loads, parts, after = any(p.kind in LOADS for p in by), list[list[Any]](), Values()
     with Workspace() as work:
-        results, tangents, value, given = _linearised(history, objective, by, recover, work)
+        results, value, given = _linearised(history, objective, by, recover, work)
         with single_threaded:
-            for tangent, own in zip(reversed(tangents), reversed(given), strict=True):
+            for tangent, own in reversed(given):
                 duals, after = backward(tangent, weights_of(tangent.answer, own), after, loads)
                 parts.insert(0, [contracted(p, tangent, duals) for p in by])
     each = zip(by, zip(*parts, strict=True), strict=True)
@@ -292,20 +289,21 @@ def jacobian(history: History, observe: Asked, by: Any, side: int, recover: Reco
     """See `ContactSolver.jacobian`."""
     by = parameters(by, many=False)
     with Workspace() as work:
-        results, tangents, values, given = _linearised(history, observe, by, recover, work)
+        results, values, given = _linearised(history, observe, by, recover, work)
         values = numbers(values, "values of observe", "give a vector")
-        matrix, rows = np.zeros((len(values), len(by))), [_rows(own, len(values)) for own in given]
+        matrix = np.zeros((len(values), len(by)))
         for j, p in enumerate(by):
             known: Sensitivity | None = None
-            for tangent, own in zip(tangents, rows, strict=True):
+            for tangent, own in given:
                 known = sensitivity(tangent, p, known, side)
-                for i, weights in own:
+                for i, weights in _rows(own, len(values)):
                     matrix[i, j] += known.dot(weights)
     return Jacobian(values, matrix, by, results)
 
 
 def _rows(given: Any, count: int) -> list[tuple[int, Any]]:
     """The values that depend on a result, each with its derivatives."""
+    given = {} if given is None else given
     if not isinstance(given, dict) or not all(key in range(count) for key in given):
         raise InputError(
             f"derivatives of observe are {shown(given)}; give for each result a dict by the number of "

@@ -27,7 +27,8 @@ States are changed all at once, and one at a time once they repeat, until none c
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -51,17 +52,24 @@ Maps = list[tuple[str, str, Any]]
 
 
 def _before(tangent: Tangent) -> Maps:
-    """What conditions of a linear solve follow from: friction of the law, and what came before."""
+    """What loads and conditions of a linear solve follow from.
+
+    What bodies bear, friction of the law, and what came before.
+    """
     slopes = tangent.slopes
-    maps: Maps = [("anchor", "last slip", 1.0), ("offset", "mapped", slopes.by_map)]
+    maps: Maps = [("f", "borne", -1.0), ("anchor", "last slip", 1.0)]
+    maps.append(("offset", "mapped", slopes.by_map))
     if slopes.by_trial.any():
         maps.append(("offset", "last friction", slopes.by_trial))
     if not tangent.rule.steady:
         by_slip = slopes.by_slip
         maps += [("offset", "last slip", by_slip), ("offset", "last reference", -by_slip)]
     if tangent.bolts:
-        maps.append(("drive", "last stretch", 1.0 * tangent.locked))
-        maps.append(("f", "drive", -tangent.bolts.pulls.T))
+        maps += [("tension", "borne", tangent.bolts.slides), ("drive", "tension", tangent.by_pull)]
+        maps += [
+            ("drive", "last stretch", 1.0 * tangent.locked),
+            ("f", "drive", -tangent.bolts.pulls.T),
+        ]
     return maps
 
 
@@ -83,10 +91,13 @@ def _after(tangent: Tangent, lost: bool) -> Maps:
         maps += [("lost", "bound", half), ("lost", "last bound", half)]
         maps += [("lost", "slip", along), ("lost", "last slip", -along)]
         maps += [("lost", "friction", -given_back), ("lost", "last friction", given_back)]
-    if tangent.bolts:  # those with a force that is given slide
-        k, slides = tangent.bolts.k, np.where(tangent.tightened, -1 / tangent.bolts.k, 0.0)
-        maps += [("pull", "u", tangent.bolts.pulls), ("stretch", "drive", 1.0)]
-        maps += [("stretch", "pull", slides), ("tension", "stretch", k), ("tension", "pull", 1.0)]
+    if tangent.bolts:
+        maps += [
+            ("pull", "u", tangent.bolts.pulls),
+            ("tension", "pull", 1.0),
+            ("stretch", "drive", 1.0),
+        ]
+        maps += [("stretch", "pull", tangent.by_pull), ("tension", "stretch", tangent.bolts.k)]
     return maps
 
 
@@ -108,8 +119,8 @@ def take(maps: Maps, values: Values, back: bool = False) -> Values:
     return values
 
 
-class Rates:
-    """Derivatives of one answer by a number.
+def forward(tangent: Tangent, change: Values, last: Values) -> tuple[Values, Callable[[], Array]]:
+    """Derivatives of an answer by a number, by name; and what finds those of displacements, (n,).
 
     Parameters
     ----------
@@ -119,31 +130,12 @@ class Rates:
     last : dict of ndarray
         Values of the answer before, of which those `HANDED_ON` count; none if it does not depend on the
         number.
-
-    Attributes
-    ----------
-    values : dict of ndarray
-        By name.
     """
-
-    def __init__(self, tangent: Tangent, change: Values, last: Values) -> None:
-        begun = {f"last {name}": last[name] for name in HANDED_ON if name in last}
-        self.tangent, self.values = tangent, (values := change | begun)
-        take(_before(tangent), values)
-        self._recover = tangent.solved(values)
-        if tangent.bolts:
-            values["u"] = self.u
-        take(_after(tangent, True), values)
-
-    @cached_property
-    def u(self) -> Array:
-        """Of the displacements of all bodies, (n,)."""
-        return self._recover()
-
-    def dot(self, weights: Values) -> float:
-        """The derivative of a number that depends on the answer by these weights."""
-        own = (self.u if name == "u" else self.values.get(name, 0.0) for name in weights)
-        return sum(float(np.sum(w * by)) for w, by in zip(weights.values(), own, strict=True))
+    values = change | {f"last {name}": last[name] for name in HANDED_ON if name in last}
+    recover = cache(tangent.solved(take(_before(tangent), values)))
+    if tangent.bolts:
+        values["u"] = recover()
+    return take(_after(tangent, True), values), recover
 
 
 def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> tuple[Values, Values]:
@@ -217,9 +209,9 @@ class Verge:
         self.hardness = np.where(self.touches, resistance.normal, 0.0)
         bound = change["bound"][:, 0] if "bound" in change else 0.0
         self.bound, self.least = np.where(self.turns, 0.0, bound), np.zeros(2)
-        self._read(Rates(tangent, change, last).values)
+        self._read(forward(tangent, change, last)[0])
 
-    def rates(self) -> Rates:
+    def rates(self) -> tuple[Values, Callable[[], Array]]:
         """Change states until none contradicts: all, and the last alone once they repeat (Murty).
 
         Raises
@@ -230,7 +222,7 @@ class Verge:
         seen, whole = set[bytes](), True
         for _ in range(MOST_CHANGES * len(self.tangent.kinks)):
             rates = self._solved()
-            self._read(rates.values)
+            self._read(rates[0])
             key = self.open.tobytes() + self.slips.tobytes()
             whole = whole and key not in seen
             if not self._change(whole):
@@ -238,7 +230,7 @@ class Verge:
             seen.add(key)
         raise NotConverged("no statuses of the points with a kink fit the change to this side", None)
 
-    def _solved(self) -> Rates:
+    def _solved(self) -> tuple[Values, Callable[[], Array]]:
         """Rates with the states that the points have."""
         change, tangent, slips, way = dict(self.change), self.tangent, self.slips, self.direction
         sticks, exact = self.rubs & ~(slips | self.open), self.exact[:, 0]
@@ -256,7 +248,7 @@ class Verge:
         if "bound" in change:
             mapped = np.where(self.rubs[:, None], self.bound[:, None] * way, change["mapped"])
             change |= {"bound": change["bound"] * closed[:, None], "mapped": mapped}
-        return Rates(tangent.holding(closed, stick, slopes), change, self.last)
+        return forward(tangent.holding(closed, stick, slopes), change, self.last)
 
     def _read(self, values: Values) -> None:
         """What the points do, and what of it is more than round-off."""

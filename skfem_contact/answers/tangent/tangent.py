@@ -46,7 +46,7 @@ from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.loops.active_set import largest_force
-from skfem_contact.problem.points import Conditions, Response
+from skfem_contact.problem.points import Conditions, Load, Response
 from skfem_contact.problem.seam import Source, Workspace
 
 #: Derivatives by name, of loads or points: (n,) or (m, width). What is not there is zero.
@@ -143,9 +143,11 @@ class Tangent:
         self.rims = None if answer.placed is None else answer.placed.rims
         self.rule = FrictionRule(interface.laws, local.area, local.reference)
         # bolts in the step: with a force that is given, and with the stretch of the step before
-        self.bolts, tight = None, answer.case.bolts
-        if answer.bolt_names and tight is not None and tight.kept is not None:
-            self.bolts, self.tightened, self.locked = answer.bolts, tight.given, tight.kept
+        self.bolts, bolts, tight = None, answer.bolts, answer.case.bolts
+        if bolts and bolts.names and tight is not None and tight.kept is not None:
+            self.bolts, self.tightened, self.locked = bolts, tight.given, tight.kept
+            # stretch by the pull, of those with a force that is given, which slide
+            self.by_pull = np.where(tight.given, -1.0 / bolts.k, 0.0)
         self.closed, sticks = local.status != OPEN, local.status == STICK
         exact = np.isinf(interface.stiffness)
         self.slips = (local.status == SLIP) & interface.frictional
@@ -307,40 +309,60 @@ class Tangent:
     def _forth(self, values: Values) -> Callable[[], Array]:
         """`solved` without rims."""
         held, (zone, key) = self.conditions, self.zones.fitting(self.conditions, self.local.gap)
+        given = {"gap0": np.zeros((len(held.stick), 1)), "slip0": held.anchor} | values
         anchor, offset = (values.get(name, held.anchor) for name in ("anchor", "offset"))
-        case = self._case(values)
-        load = self.problem.other_load(case)
+        load = self._load(given)
         found = zone.solve(replace(held, anchor=anchor, offset=offset), load, key)
         values |= {"gap": found.gap[:, None], "normal_force": found.normal_force[:, None]}
         values |= {"slip": found.slip, "friction": found.tangential_force}
-        return lambda: self._recovered(self.problem.source(load, found).values, case)
+        return lambda: self._recovered(given, load, found)
 
     def _back(self, values: Values) -> Callable[[], Array]:
-        """`solved` backwards, without rims."""
-        (m, t), problem = self.local.slip.shape, self.problem
-        zone, key = self.zones.fitting(self.conditions, self.local.gap)
-        forces, held, given = np.zeros(len(problem.compliance.W)), np.zeros(1), Values()
-        if "u" in values:
-            given["f"] = values["u"]
-            load = problem.other_load(self._case(given))
-            forces, held = np.asarray(load.moved), load.prescribed
-        gap, normal_force = (np.ravel(values.get(k, np.zeros(m))) for k in ("gap", "normal_force"))
-        slip, friction = (values.get(name, np.zeros((m, t))) for name in ("slip", "friction"))
-        duals = Response(gap, slip, normal_force, friction, forces)
-        values |= zone.adjoint(self.conditions, duals, key)
-        return lambda: self._recovered(problem.G.T @ values["moved"] + held, self._case(given))
+        """`solved` backwards, without rims: by reciprocity.
+
+        What a number depends on drives the transposed problem: normal forces as gaps that are given,
+        friction as anchors, and gaps and slips as forces on them.
+        """
+        held, (zone, key) = self.conditions, self.zones.fitting(self.conditions, self.local.gap)
+        rubs, none = zone.space.held(held, key)[0].rubs, held.anchor  # the factor is there then
+        slip, friction = (values.get(name, none) for name in ("slip", "friction"))
+        follows = held.coupling * friction
+        if held.gives:  # springs begin at their anchors: along what supports prescribe there is the law
+            follows = np.where(self.problem.tangential_rows < 0, follows, 0.0)
+        given = {"f": values["u"]} if "u" in values else {}
+        given["gap0"] = values.get("normal_force", 0.0) + follows.sum(axis=1)[:, None]
+        given["slip0"] = none
+        gap = np.where(self.closed, 0.0, values["gap"][:, 0]) if "gap" in values else none[:, 0]
+        load = self._load(given)
+        load.back = self.problem.on_rows(gap, slip)
+        dual = Conditions(held.closed, held.stick, friction, held.spring.swapaxes(1, 2), none, none)
+        found = zone.solve(dual, load, key)
+        anchor, offset = found.tangential_force, np.where(rubs[:, None], friction - found.slip, 0.0)
+        found.normal_force, found.tangential_force = found.normal_force + gap, anchor - slip
+        values |= {"gap0": found.normal_force[:, None], "slip0": slip - anchor}
+        values |= {"anchor": anchor, "offset": offset}
+        return lambda: self._recovered(given, load, found)
+
+    def _load(self, given: Values) -> Load:
+        """Return the load on points that changes gap0 and slip0 are, of f and x where these change."""
+        if "f" in given or "x" in given:
+            return self.problem.other_load(self._case(given))
+        rows, dofs = self.problem.G.shape
+        still = np.zeros(rows + dofs)
+        return Load(still[:0], given["gap0"][:, 0], given["slip0"], still[rows:], moved=still[:rows])
 
     def _case(self, given: Values) -> LoadCase:
-        """Return the load case of changes of the loads f, x, and of gap0 and slip0."""
-        n, (m, t) = self.answer.system.n, self.local.slip.shape
-        f, x = (given[name] if name in given else np.zeros(n) for name in "fx")
-        gap0, slip0 = given.get("gap0", np.zeros((m, 1))), given.get("slip0", np.zeros((m, t)))
-        return LoadCase(f, x, gap0[:, 0], slip0, np.zeros(m), ())
+        f, x = (given.get(name, np.zeros(self.answer.system.n)) for name in "fx")
+        return LoadCase(f, x, given["gap0"][:, 0], given["slip0"], np.zeros(0), ())
 
-    def _recovered(self, force: Array, case: LoadCase) -> Array:
-        """Displacements (n,) under such changes and forces on the contact DOFs (n_c,)."""
+    def _recovered(self, given: Values, load: Load, found: Response) -> Array:
+        """Displacements (n,) under such changes, and forces on gaps, slips and anchors."""
+        problem, anchors = self.problem, len(self.problem.compliance.W) - self.problem.q
+        forces = problem.on_rows(found.normal_force, -found.tangential_force)
+        forces = np.append(forces, found.solution[len(found.solution) - anchors :])
+        source = Source((problem.G.T @ forces + load.prescribed)[:, None], True)
         with single_threaded:
-            return self.problem.bodies.recover(Source(force[:, None], True), [None], [case])[0]
+            return problem.bodies.recover(source, [None], [self._case(given)])[0]
 
     # -- matrices, on request -------------------------------------------------------------------
 
