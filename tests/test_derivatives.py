@@ -707,7 +707,7 @@ def test_bolts_have_the_derivatives_of_springs(given, again):
     for bolts in ({"N": {"force": 1.0}}, {"M": {"bend": 1.0}}, 1.0):
         with pytest.raises(sc.errors.InputError, match="Bolts of the solver: M"):
             results[0].sensitivity("load").dot({"bolts": bolts})
-    with pytest.raises(sc.errors.InputError, match="no such bolt; there are M"):
+    with pytest.raises(sc.errors.InputError, match="no such bolt; there are 'M'"):
         results[0].sensitivity(sc.answers.Parameter("bolt_force", of="N"))
 
 

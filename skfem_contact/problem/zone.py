@@ -288,7 +288,7 @@ class Zone:
     def __init__(self, whole: Compliance, keep: Mask | None = None, refuses: bool = False) -> None:
         normal, tangential, q = whole.normal_rows, whole.tangential_rows, whole.q
         self.left = keep is not None
-        self._normal, self._tangential, self.good = normal, tangential, True
+        self.good = True
         self.keep = np.ones(len(normal), dtype=bool) if keep is None else keep
         self._dropped, self.count = ~self.keep, np.count_nonzero(self.keep & (normal >= 0))
         on, self.rows = None, np.arange(q)
@@ -308,17 +308,17 @@ class Zone:
         A = whole.inverse(on, refuses)
         A_zq, self._A_qq = A[:q, q:].copy(), A[q:, q:].copy()
         try:
-            self._rigid = lu(self._A_qq - np.eye(len(A) - q))
+            rigid = lu(self._A_qq - np.eye(len(A) - q))
         except LinAlgError:
             if keep is None:
                 raise SingularMatrix("the contact points do not hold the bodies") from None
             self.good = False
             return
-        held = np.min(self._rigid.diagonal, initial=np.inf)
+        held = np.min(rigid.diagonal, initial=np.inf)
         self.good = bool(keep is None or held >= LOOSE * np.max(self._A_qq, initial=0.0))
-        self._carried = self._rigid.solve(A_zq.T)
+        self._carried = rigid.solve(A_zq.T)
         S = without_anchors(A, A_zq, self._carried)
-        self._on, self._forces = on, LoadForces(S, self._carried, self._rigid, on)
+        self._on, self._forces = on, LoadForces(S, self._carried, rigid, on)
         self.space = PointSpace(S, normal, tangential, self._forces)
 
     def anew(self) -> Zone:

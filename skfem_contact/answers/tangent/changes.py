@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix, diags, issparse
 
-from skfem_contact.answers.answer import Answer, fluid_beyond
+from skfem_contact.answers.answer import Answer, fluid_beyond, point_forces
 from skfem_contact.answers.tangent.rates import Maps, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import numbers, shown, with_known_keywords
@@ -31,12 +31,11 @@ from skfem_contact.records import copied, dataclass
 #: What changes loads of bodies, so that derivatives by these are needed inside; then what does not.
 LOADS = "stiffness", "load", "displacement", "scene"
 BOLTS = "bolt_force", "bolt_stretch"
-GAPS = "interference", "gap"
 #: Bodies with their DOFs, contacts with their points, or bolts.
 Places = list[tuple[int, Any]]
 #: The name of the values of a parameter at each point or DOF.
 FIELD = "field"
-KINDS = "friction", *LOADS, *GAPS, "motion", *BOLTS
+KINDS = "friction", *LOADS, "interference", "gap", "motion", *BOLTS
 
 
 @with_known_keywords()
@@ -111,10 +110,9 @@ class Parameter:
             raise InputError("Parameter('motion'): give the direction, along=(1.0, 0.0)")
 
     def __repr__(self) -> str:
-        said = [repr(self.kind)]
-        said += [f"{k}={v!r}" for k in ("of", "along") if (v := getattr(self, k)) is not None]
-        said += [f"{k}=True" for k in ("field", "each_step") if getattr(self, k)]
-        return f"Parameter({', '.join(said)})"
+        said = {name: getattr(self, name) for name in ("of", "along", "field", "each_step")}
+        words = [f"{name}={v!r}" for name, v in said.items() if v is not None and v is not False]
+        return f"Parameter({', '.join([repr(self.kind), *words])})"
 
 
 def parameters(by: Any, many: bool) -> tuple[Parameter, ...]:
@@ -147,9 +145,8 @@ def change(by: Parameter, tangent: Tangent) -> Values:
     (m, d), b = answer.kin.normal.shape, len(answer.bolt_names)
     of_dofs, of_bolts = dict.fromkeys(LOADS, (answer.system.n,)), dict.fromkeys(BOLTS, (b,))
     p = np.zeros((of_dofs | of_bolts | {"motion": (m, d)}).get(by.kind, (m, 1)))
-    whole = by.along is None or (by.kind == "stiffness" and issparse(by.along))
     for _, at in places:
-        p[at] = 1.0 if whole else _field(by, p[at])
+        p[at] = _field(by, p[at])
     return take(_maps(by, tangent, places), {FIELD: p})
 
 
@@ -208,10 +205,10 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
             on[at, 0] = _by_coefficient(tangent, i, at)
         return [("bound", FIELD, on), ("mapped", FIELD, (tangent.direction * on)[:, :, None])]
     if kind == "motion":
-        own = np.where(kin.paired, -1.0, 0.0)[:, None, None]
-        return [("gap0", FIELD, own * kin.normal[:, None]), ("slip0", FIELD, own * kin.axes)]
-    own = np.where(kin.paired, 1.0, 0.0)[:, None]
-    rows = own if kin.gap_weights is None else diags(own[:, 0]) @ kin.gap_weights
+        way = -1.0 * kin.paired[:, None, None]
+        return [("gap0", FIELD, way * kin.normal[:, None]), ("slip0", FIELD, way * kin.axes)]
+    paired = 1.0 * kin.paired
+    rows = paired[:, None] if kin.gap_weights is None else diags(paired) @ kin.gap_weights
     return [("given", FIELD, 1.0 if kind == "gap" else -1.0), ("gap0", "given", rows)]
 
 
@@ -261,30 +258,27 @@ def _in_scene(solver: Any, tangent: Tangent) -> Values:
     case = reader.resumed(copied(answer.case, interference=given), answer.case.x)
     bodies = zip(answer.system.bodies, solver.system.bodies, solver.linear_model.stiffness, strict=True)
     borne = [_borne(there, K, answer.stretched(body)) for body, there, K in bodies]
-    f = case.f + kin.B_n.T @ local.normal_force
+    # tangents in space are a choice, which jumps: those of the answer are turned to these normals
+    turned = transport(answer.kin.axes.swapaxes(0, 1), answer.kin.normal, kin.normal)
+    own = np.einsum("kid,ild->ikl", turned, kin.axes)
+    if kin.scaled is not None:  # and stay, see above
+        own = np.broadcast_to(np.eye(kin.tangents), own.shape)
+    friction = np.einsum("ikl,ik->il", own, local.tangential_force)
+    f = case.f + point_forces(kin, copied(local, tangential_force=friction))
     for i, body in enumerate(solver.system.bodies):
         if body.nonlinear and i in case.apart:
             part = solver.system.slice(body)
             f[part] += fluid_beyond(body, case.apart[i], u[part])[0]
-    gap0 = np.where(kin.paired, case.gap0, 0.0) + np.where(kin.paired, kin.B_n @ u, 0.0)
+    gap0 = np.where(kin.paired, case.gap0 + kin.B_n @ u, 0.0)
+    slips = case.slip0 + (kin.B_t @ u).reshape(local.slip.shape)
+    rule = FrictionRule(solver.interface.laws, kin.area, local.reference)
+    trial = np.where(tangent.slips[:, None], tangent.slopes.trial, 0.0)
+    bound = np.where(tangent.closed, rule.bound(local.normal_force, local.slip), 0.0)
     out = {"f": f, "x": case.x, "borne": np.concatenate(borne), "gap0": gap0[:, None]}
-    out |= {"area": kin.area[:, None], "normal": kin.normal}
-    if local.slip.size:
-        # tangents in space are a choice, which jumps: those of the answer are turned to these normals
-        turned = transport(answer.kin.axes.swapaxes(0, 1), answer.kin.normal, kin.normal)
-        own = np.einsum("kid,ild->ikl", turned, kin.axes)
-        if kin.scaled is not None:  # and stay, see above
-            own = np.broadcast_to(np.eye(kin.tangents), own.shape)
-        slips = case.slip0 + (kin.B_t @ u).reshape(local.slip.shape)
-        out["slip0"] = np.einsum("ikl,il->ik", own, slips)
-        out["f"] = f - kin.B_t.T @ np.einsum("ikl,ik->il", own, local.tangential_force).ravel()
-        rule = FrictionRule(solver.interface.laws, kin.area, local.reference)
-        trial = np.where(tangent.slips[:, None], tangent.slopes.trial, 0.0)
-        out["mapped"] = rule.project(trial, local.normal_force, local.slip)[0]
-        bound = rule.bound(local.normal_force, local.slip)
-        out["bound"] = np.where(tangent.closed, bound, 0.0)[:, None]
-        out["axes"] = np.einsum("ikl,ild->ikd", own, kin.axes).reshape(kin.m, -1)
-    return out
+    out |= {"slip0": np.einsum("ikl,il->ik", own, slips), "bound": bound[:, None]}
+    out |= {"mapped": rule.project(trial, local.normal_force, local.slip)[0], "area": kin.area[:, None]}
+    axes = np.einsum("ikl,ild->ikd", own, kin.axes).reshape(kin.m, -1)
+    return out | {"normal": kin.normal, "axes": axes}
 
 
 # -- what bodies bear ---------------------------------------------------------------------------
@@ -299,36 +293,38 @@ def _borne(body: Member, K: csr_matrix, u: Array) -> Array:
 
 
 def _places(by: Parameter, answer: Answer) -> Places:
-    """Bodies of a parameter with their DOFs, contacts with their points, or bolts."""
-    if (bolts := answer.bolts) is not None and by.kind in BOLTS:
-        each = zip(bolts.names, bolts.bolts, strict=True)
-        named = np.array([by.of is None or by.of == name or by.of is bolt for name, bolt in each])
-        if not named.any():
-            raise InputError(f"{by!r}: there is no such bolt; there are {', '.join(bolts.names)}.")
-        return [(0, named)]
+    """Bodies of a parameter with their DOFs, contacts with their points, or bolts with their number."""
     if by.kind in LOADS:
         system = answer.system
         if isinstance(by.of, Contact):
             raise InputError(f"{by!r}: of is a contact; name a body")
         bodies = system.bodies if by.of is None else [system.bodies[system.index(by.of)]]
         return [(system.bodies.index(body), system.slice(body)) for body in bodies]
-    names, contacts, motion = answer.names, answer.contacts, by.kind == "motion"
-    if by.of is None:
-        has = [c.rigid if motion else c.friction or by.kind != "friction" for c in contacts]
-        some = [i for i, own in enumerate(has) if own]
-    elif (number := number_of(by.of, contacts)) is not None:
-        some = [number]
+    bolts, motion, contacts = answer.bolts, by.kind == "motion", answer.contacts
+    if bolts is not None and by.kind in BOLTS:
+        what, names = "bolt", bolts.names
+        meant = [by.of in (None, *own) for own in zip(names, bolts.bolts, strict=True)]
     else:
-        known = [c.primary.name if motion and c.rigid else None for c in contacts]
-        some = [i for i, own in enumerate(names if by.of in names else known) if own == by.of]
-        if not some:
-            words = ", ".join(map(repr, names))
-            raise InputError(f"{by!r}: there is no such contact; there are {words}.")
-    return [(i, answer.model.interface.point_slices[i]) for i in some]
+        what, names = "contact", answer.names
+        if by.of is None:
+            meant = [bool(c.rigid if motion else c.friction or by.kind != "friction") for c in contacts]
+        else:
+            tools = [c.primary.name if motion and c.rigid else None for c in contacts]
+            known, number = [*names] if by.of in names else tools, number_of(by.of, contacts)
+            meant = [i == number or own == by.of for i, own in enumerate(known)]
+    if not any(meant) and by.of is not None:
+        words = ", ".join(map(repr, names))
+        raise InputError(f"{by!r}: there is no such {what}; there are {words}.")
+    some = [i for i, own in enumerate(meant) if own]
+    return (
+        [(0, some)] if what == "bolt" else [(i, answer.model.interface.point_slices[i]) for i in some]
+    )
 
 
-def _field(by: Parameter, there: Array) -> Array:
-    """The values of `along` in the shape that they have there."""
+def _field(by: Parameter, there: Array) -> Array | float:
+    """The values of `along` in the shape that they have there; one, where it is none or a matrix."""
+    if by.along is None or (by.kind == "stiffness" and issparse(by.along)):
+        return 1.0
     wanted = {"motion": there.shape[1:], "stiffness": ()}.get(by.kind, there.shape[:1])
     values = numbers(by.along, f"{by!r}: along", "give a number, or one for each point or DOF")
     if values.shape != wanted and (values.shape or by.kind == "motion"):

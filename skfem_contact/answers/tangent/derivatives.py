@@ -21,7 +21,6 @@ from skfem_contact.answers.tangent.rates import Maps, Verge, backward, forward, 
 from skfem_contact.answers.tangent.tangent import Tangent, Values, add
 from skfem_contact.arguments import numbers, shown
 from skfem_contact.arrays import Array, Index
-from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.dense_factors import single_threaded
@@ -137,9 +136,8 @@ def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int)
         raise InputError(f"side = {shown(side)}; it may be 1, -1, or 0 for the statuses that hold")
     if after is not None and (repr(after.by), after.side) != (repr(by), side):
         raise InputError(f"after is by {after.by!r}, side {after.side}; here by {by!r}, side {side}")
-    found, last = change(by, tangent), {} if after is None else after._values
-    if side < 0:
-        found = {name: -own for name, own in found.items()}
+    sign, last = -1.0 if side < 0 else 1.0, {} if after is None else after._values
+    found = {name: sign * own for name, own in change(by, tangent).items()}
     at_kink = side and len(tangent.kinks)
     rates = Verge(tangent, found, last).rates() if at_kink else forward(tangent, found, last)
     return Sensitivity(by, side, tangent.answer, rates)
@@ -353,20 +351,15 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At, tuple[
                 f"slip of contact {answer.names[i]!r}: without friction nothing tangential is solved "
                 "for, and its slip is no unknown. Take the displacements of the bodies."
             )
-        return [(ASKED, "slipped", _along_tangents(kin, kin.duals))], heir, (m, t)
+        turned = 1.0 if kin.scaled is None else np.einsum("ikd,ild->ilk", kin.duals, kin.tangent)
+        return [(ASKED, "slipped", turned)], heir, (m, t)
     if what == "tangential_force":
-        return [(ASKED, "friction", -_along_tangents(kin, kin.axes))], part, (m, t)
+        turned = 1.0 if kin.scaled is None else np.einsum("ikd,ild->ilk", kin.axes, kin.tangent)
+        return [(ASKED, "friction", -turned)], part, (m, t)
     by_axes = -np.einsum("it,de->idte", local.tangential_force, np.eye(d)).reshape(kin.m, d, -1)
     maps = [(ASKED, "normal_force", kin.normal[:, :, None]), (ASKED, "normal", normal_force)]
     maps += [(ASKED, "friction", -kin.axes.swapaxes(1, 2)), (ASKED, "axes", by_axes)]
     return maps, part, (d,)  # force = sum of lambda n - tau . axes
-
-
-def _along_tangents(kin: Kinematics, basis: Array) -> Any:
-    """Components along unit tangents from those along a basis, (m, d-1, d-1), or one number."""
-    if kin.scaled is None:
-        return 1.0
-    return np.asarray(np.einsum("ikd,ild->ilk", basis, kin.tangent))
 
 
 def weights_of(answer: Answer, given: Any) -> Values:

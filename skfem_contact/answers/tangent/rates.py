@@ -32,7 +32,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from scipy.sparse import block_diag, issparse
+from scipy.sparse import block_diag
 
 from skfem_contact.answers.tangent.tangent import Slopes, Tangent, Values, add, mapped_slopes
 from skfem_contact.arrays import Array, lengths, size_of, unit_vectors
@@ -59,17 +59,14 @@ def _before(tangent: Tangent) -> Maps:
     slopes = tangent.slopes
     maps: Maps = [("f", "borne", -1.0), ("anchor", "last slip", 1.0)]
     maps.append(("offset", "mapped", slopes.by_map))
-    if slopes.by_trial.any():
+    if np.count_nonzero(slopes.by_trial):
         maps.append(("offset", "last friction", slopes.by_trial))
     if not tangent.rule.steady:
         by_slip = slopes.by_slip
         maps += [("offset", "last slip", by_slip), ("offset", "last reference", -by_slip)]
-    if tangent.bolts:
-        maps += [("tension", "borne", tangent.bolts.slides), ("drive", "tension", tangent.by_pull)]
-        maps += [
-            ("drive", "last stretch", 1.0 * tangent.locked),
-            ("f", "drive", -tangent.bolts.pulls.T),
-        ]
+    if bolts := tangent.bolts:
+        maps += [("tension", "borne", bolts.slides), ("drive", "tension", tangent.by_pull)]
+        maps += [("drive", "last stretch", 1.0 * tangent.locked), ("f", "drive", -bolts.pulls.T)]
     return maps
 
 
@@ -91,13 +88,9 @@ def _after(tangent: Tangent, lost: bool) -> Maps:
         maps += [("lost", "bound", half), ("lost", "last bound", half)]
         maps += [("lost", "slip", along), ("lost", "last slip", -along)]
         maps += [("lost", "friction", -given_back), ("lost", "last friction", given_back)]
-    if tangent.bolts:
-        maps += [
-            ("pull", "u", tangent.bolts.pulls),
-            ("tension", "pull", 1.0),
-            ("stretch", "drive", 1.0),
-        ]
-        maps += [("stretch", "pull", tangent.by_pull), ("tension", "stretch", tangent.bolts.k)]
+    if bolts := tangent.bolts:
+        maps += [("pull", "u", bolts.pulls), ("tension", "pull", 1.0), ("stretch", "drive", 1.0)]
+        maps += [("stretch", "pull", tangent.by_pull), ("tension", "stretch", bolts.k)]
     return maps
 
 
@@ -110,12 +103,12 @@ def take(maps: Maps, values: Values, back: bool = False) -> Values:
         to, by = (of, out) if back else (out, of)
         if by not in values:
             continue
-        if issparse(block):
-            add(values, to, (block.T if back else block) @ values[by])
-        elif isinstance(block, np.ndarray) and block.ndim == 3:
+        if np.ndim(block) == 3:
             add(values, to, np.einsum("ikl,ik->il" if back else "ikl,il->ik", block, values[by]))
-        else:
+        elif isinstance(block, float | np.ndarray):
             add(values, to, block * values[by])
+        else:
+            add(values, to, (block.T if back else block) @ values[by])
     return values
 
 
