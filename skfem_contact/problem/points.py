@@ -132,9 +132,6 @@ class Load:
         What the bodies remember of the load, for the interior.
     moved : ndarray
         Changes of gaps, slips and anchors where contact carries nothing; on gaps and slips.
-    back : ndarray, optional
-        Forces on gaps and slips besides, of the transposed problem: gaps follow slips in it, where in
-        the problem itself friction follows normal forces. Derivatives go back by it.
     """
 
     force: Array
@@ -143,7 +140,6 @@ class Load:
     prescribed: Array
     components: tuple[Any, ...] = ()
     moved: Array | None = None
-    back: Array | None = None
 
 
 def friction_force(conditions: Conditions, moved: Array, normal_force: Array) -> Array:
@@ -304,8 +300,7 @@ class PointSpace:
 
     def force(self, load: Load) -> Array:
         """The forces h of a load, (q,)."""
-        h = load.force if self.follows is None or load.force.size else self.follows(load)
-        return h if load.back is None else h + load.back
+        return load.force if self.follows is None or load.force.size else self.follows(load)
 
     def solve(self, conditions: Conditions, load: Load) -> Response:
         """Solve for the gaps and slips that the conditions leave free."""
@@ -321,7 +316,7 @@ class PointSpace:
 
         `key`: the same, or equal, for conditions with the same matrix; by default their own.
         """
-        rows, factor = self.held(conditions, conditions.matrix_key() if key is None else key)
+        rows, factor = self._held(conditions, conditions.matrix_key() if key is None else key)
         z = np.zeros(len(self.S))
         z[rows.gaps] = -load.gap0[rows.closed]
         z[rows.slips] = (conditions.anchor - load.slip0)[rows.stick]
@@ -335,16 +330,34 @@ class PointSpace:
         force = self.force(load)
         rhs = force - self.S.dot(z)  # of so few rows in half the time of @
         rhs[rows.sliding] -= known[rows.slides]
-        if load.back is None:
-            rhs[rows.rubbing] += rows.share * rhs[rows.pressing]
+        rhs[rows.rubbing] += rows.share * rhs[rows.pressing]
         since = np.zeros_like(z)
-        since[rows.free] = factor.solve(rhs[rows.free], transposed=load.back is not None)
+        since[rows.free] = factor.solve(rhs[rows.free])
         z[rows.free] += since[rows.free]
-        if load.back is not None:
-            np.add.at(z, rows.pressing, rows.share * since[rows.rubbing])
         return Unknowns(z, self.S.dot(z) - force, since)
 
-    def held(self, conditions: Conditions, key: object) -> tuple[HeldRows, DenseFactors]:
+    def transposed(self, conditions: Conditions, start: Array, h: Array, key: object) -> Unknowns:
+        """Solve the transposed problem, which derivatives go back by.
+
+        Gaps follow slips in it, where in the problem itself friction follows normal forces.
+
+        Parameters
+        ----------
+        conditions : Conditions
+        start : ndarray, shape (q,)
+            What is held of gaps and slips, and where springs begin; of others any values.
+        h : ndarray, shape (q,)
+        key : object
+            As of `unknowns`.
+        """
+        rows, factor = self._held(conditions, key)
+        since = np.zeros(len(h))
+        since[rows.free] = factor.solve((h - self.S.dot(start))[rows.free], transposed=True)
+        z = start + since
+        np.add.at(z, rows.pressing, rows.share * since[rows.rubbing])
+        return Unknowns(z, self.S.dot(z) - h, since)
+
+    def _held(self, conditions: Conditions, key: object) -> tuple[HeldRows, DenseFactors]:
         """The rows that conditions hold, and the factor; the last ones, if their matrix is the same."""
         if self._rows is None or self._factor is None or key != self._key:
             self._key, self._rows, self._factor = key, HeldRows(self, conditions), None

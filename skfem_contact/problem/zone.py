@@ -308,17 +308,17 @@ class Zone:
         A = whole.inverse(on, refuses)
         A_zq, self._A_qq = A[:q, q:].copy(), A[q:, q:].copy()
         try:
-            rigid = lu(self._A_qq - np.eye(len(A) - q))
+            self._rigid = lu(self._A_qq - np.eye(len(A) - q))
         except LinAlgError:
             if keep is None:
                 raise SingularMatrix("the contact points do not hold the bodies") from None
             self.good = False
             return
-        held = np.min(rigid.diagonal, initial=np.inf)
+        held = np.min(self._rigid.diagonal, initial=np.inf)
         self.good = bool(keep is None or held >= LOOSE * np.max(self._A_qq, initial=0.0))
-        self._carried = rigid.solve(A_zq.T)
+        self._carried = self._rigid.solve(A_zq.T)
         S = without_anchors(A, A_zq, self._carried)
-        self._on, self._forces = on, LoadForces(S, self._carried, rigid, on)
+        self._on, self._forces = on, LoadForces(S, self._carried, self._rigid, on)
         self.space = PointSpace(S, normal, tangential, self._forces)
 
     def anew(self) -> Zone:
@@ -334,18 +334,15 @@ class Zone:
 
     def solve(self, conditions: Conditions, load: Load, key: object) -> Response:
         """Gaps, slips and forces of all points under conditions that close no other ones."""
-        assert load.moved is not None
-        if load.back is not None and self.left:  # forces on what is left out move the others
-            load.moved[self._on] += load.back[self.rest] @ self._across
-            load.back = load.back[self.rows]
         response, p = self.space.pushed(conditions, load, key)
         z, q = response.solution, np.zeros(0)  # no anchors, as a rule
+        assert load.moved is not None
         if len(self._A_qq):
             moved = load.moved if self._on is None else load.moved[self._on]
             z0, q0 = moved[: len(z)], moved[len(z) :]
             # R (A_qq q0 - A_qz (z - z0)), with R = (A_qq - 1)^-1 and the pull R q0
             q = q0 + self._forces.pull - self._carried @ (z - z0)
-        if self.left and load.back is None:
+        if self.left:
             full = np.zeros(len(self.rows) + len(self.rest) + 1)  # the last for rows of -1
             full[self.rows] = z
             full[self.rest] = load.moved[self.rest] + self._across.dot(np.append(p, q))
@@ -354,6 +351,40 @@ class Zone:
             response.slip[self._left] += full[tangential]
         response.solution = np.append(z, q) if len(q) else z
         return response
+
+    def transposed(
+        self, conditions: Conditions, start: Array, forces: Array, moved: Array, key: object
+    ) -> tuple[Array, Array]:
+        """Solve the transposed problem of all points, see `PointSpace.transposed`.
+
+        Parameters
+        ----------
+        conditions, key
+            As of `solve`.
+        start, forces : ndarray, shape (q,)
+            What gaps and slips are held at, and forces on them.
+        moved : ndarray, shape (q + k,)
+            As of `Load`; it is changed.
+
+        Returns
+        -------
+        total : ndarray, shape (q + k,)
+            Forces on gaps and slips, those of contact too, and of the springs on anchors.
+        since : ndarray, shape (q,)
+            Slips beyond where springs begin.
+        """
+        q, rows = len(start), self.rows
+        if self.left:  # forces on what is left out move the others
+            moved[self._on] += forces[self.rest] @ self._across
+        h, total, since = forces[rows], np.concatenate((forces, moved[q:])), np.zeros(q)
+        if len(moved) > q:
+            h = h - moved[q:] @ self._carried
+        found = self.space.transposed(conditions, start[rows] - moved[rows], h, key)
+        total[rows] += found.p
+        since[rows] = found.since
+        if len(moved) > q:
+            total[q:] += self._rigid.solve(moved[q:]) - self._carried @ found.z
+        return total, since
 
 
 def indefinite_inverse(W: Array, refuses: bool = True) -> Array:

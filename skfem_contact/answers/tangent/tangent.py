@@ -46,7 +46,7 @@ from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.loops.active_set import largest_force
-from skfem_contact.problem.points import Conditions, Load, Response
+from skfem_contact.problem.points import NO_ROW, Conditions
 from skfem_contact.problem.seam import Source, Workspace
 
 #: Derivatives by name, of loads or points: (n,) or (m, width). What is not there is zero.
@@ -196,7 +196,7 @@ class Tangent:
     slope = property(lambda self: self.slopes.by_normal, doc="See the class.")
     spring = property(lambda self: self.slopes.spring, doc="See the class.")
 
-    @cached_property
+    @property
     def conditions(self) -> Conditions:
         """Return what a linear solve holds every point to, with nothing that drives it."""
         still, slopes = np.zeros(self.local.slip.shape), self.slopes
@@ -270,7 +270,7 @@ class Tangent:
     def holding(self, closed: Mask, stick: Mask, slopes: Slopes) -> Tangent:
         """The same with other points closed and stuck, and other friction."""
         new = copy(self)
-        for name in ("bound", "bound_slope", "conditions"):
+        for name in ("bound", "bound_slope"):
             vars(new).pop(name, None)
         vars(new).update(closed=closed, stick=stick, slopes=slopes)
         return new
@@ -308,61 +308,58 @@ class Tangent:
 
     def _forth(self, values: Values) -> Callable[[], Array]:
         """`solved` without rims."""
-        held, (zone, key) = self.conditions, self.zones.fitting(self.conditions, self.local.gap)
-        given = {"gap0": np.zeros((len(held.stick), 1)), "slip0": held.anchor} | values
+        zone, key = self.zones.fitting(held := self.conditions, self.local.gap)
         anchor, offset = (values.get(name, held.anchor) for name in ("anchor", "offset"))
-        load = self._load(given)
+        load = self.problem.other_load(case := self._case(values))
         found = zone.solve(replace(held, anchor=anchor, offset=offset), load, key)
         values |= {"gap": found.gap[:, None], "normal_force": found.normal_force[:, None]}
         values |= {"slip": found.slip, "friction": found.tangential_force}
-        return lambda: self._recovered(given, load, found)
+        return lambda: self._recovered(self.problem.source(load, found).values, case)
 
     def _back(self, values: Values) -> Callable[[], Array]:
         """`solved` backwards, without rims: by reciprocity.
 
-        What a number depends on drives the transposed problem: normal forces as gaps that are given,
-        friction as anchors, and gaps and slips as forces on them.
+        What a number depends on drives the transposed problem: by normal forces gaps are held open, by
+        friction slips and where springs begin, and by gaps and slips there are forces on them.
         """
-        held, (zone, key) = self.conditions, self.zones.fitting(self.conditions, self.local.gap)
-        rubs, none = zone.space.held(held, key)[0].rubs, held.anchor  # the factor is there then
-        slip, friction = (values.get(name, none) for name in ("slip", "friction"))
-        follows = held.coupling * friction
-        if held.gives:  # springs begin at their anchors: along what supports prescribe there is the law
-            follows = np.where(self.problem.tangential_rows < 0, follows, 0.0)
-        given = {"f": values["u"]} if "u" in values else {}
-        given["gap0"] = values.get("normal_force", 0.0) + follows.sum(axis=1)[:, None]
-        given["slip0"] = none
-        gap = np.where(self.closed, 0.0, values["gap"][:, 0]) if "gap" in values else none[:, 0]
-        load = self._load(given)
-        load.back = self.problem.on_rows(gap, slip)
-        dual = Conditions(held.closed, held.stick, friction, held.spring.swapaxes(1, 2), none, none)
-        found = zone.solve(dual, load, key)
-        anchor, offset = found.tangential_force, np.where(rubs[:, None], friction - found.slip, 0.0)
-        found.normal_force, found.tangential_force = found.normal_force + gap, anchor - slip
-        values |= {"gap0": found.normal_force[:, None], "slip0": slip - anchor}
-        values |= {"anchor": anchor, "offset": offset}
-        return lambda: self._recovered(given, load, found)
-
-    def _load(self, given: Values) -> Load:
-        """Return the load on points that changes gap0 and slip0 are, of f and x where these change."""
-        if "f" in given or "x" in given:
-            return self.problem.other_load(self._case(given))
-        rows, dofs = self.problem.G.shape
-        still = np.zeros(rows + dofs)
-        return Load(still[:0], given["gap0"][:, 0], given["slip0"], still[rows:], moved=still[:rows])
+        (m, t), problem, given = self.local.slip.shape, self.problem, Values()
+        zone, key = self.zones.fitting(held := self.conditions, self.local.gap)
+        moved, fixed = np.zeros(len(problem.compliance.W)), np.zeros(1)
+        if "u" in values:
+            given["f"] = values["u"]
+            load = problem.other_load(self._case(given))
+            moved, fixed = np.array(load.moved), load.prescribed
+        gap, pulled = (values.get(name, np.zeros((m, 1)))[:, 0] for name in ("gap", "normal_force"))
+        slip, friction = (values.get(name, np.zeros((m, t))) for name in ("slip", "friction"))
+        # where supports prescribe gaps or slips there is no row for them, and of friction the law alone
+        bare, prescribed = problem.tangential_rows < 0, problem.normal_rows < 0
+        by_law = np.where(bare, friction, 0.0)
+        start = problem.on_rows(-pulled - np.einsum("ik,ik->i", held.coupling, by_law), friction)
+        drawn = slip
+        if held.gives:
+            drawn = slip + np.einsum("ikl,ik->il", held.spring, by_law)
+        total, since = zone.transposed(held, start, problem.on_rows(gap, drawn), moved, key)
+        by_row = np.concatenate((since, NO_ROW))[problem.tangential_rows]
+        offset = np.where((self.closed & ~self.stick)[:, None], by_law - by_row, 0.0)
+        if held.gives:
+            drawn = slip + np.einsum("ikl,ik->il", held.spring, offset)
+        by_row = np.concatenate((total, NO_ROW))
+        slip0 = np.where(bare, drawn, by_row[problem.tangential_rows])
+        values |= {"gap0": np.where(prescribed, gap, by_row[problem.normal_rows])[:, None]}
+        values |= {"slip0": slip0, "anchor": slip - slip0, "offset": offset}
+        return lambda: self._recovered(problem.G.T @ total + fixed, self._case(given))
 
     def _case(self, given: Values) -> LoadCase:
-        f, x = (given.get(name, np.zeros(self.answer.system.n)) for name in "fx")
-        return LoadCase(f, x, given["gap0"][:, 0], given["slip0"], np.zeros(0), ())
+        """Return the load case of changes of the loads f, x, and of gap0 and slip0."""
+        n, (m, t) = self.answer.system.n, self.local.slip.shape
+        f, x = (given.get(name, np.zeros(n)) for name in "fx")
+        gap0, slip0 = given.get("gap0", np.zeros((m, 1))), given.get("slip0", np.zeros((m, t)))
+        return LoadCase(f, x, gap0[:, 0], slip0, np.zeros(m), ())
 
-    def _recovered(self, given: Values, load: Load, found: Response) -> Array:
-        """Displacements (n,) under such changes, and forces on gaps, slips and anchors."""
-        problem, anchors = self.problem, len(self.problem.compliance.W) - self.problem.q
-        forces = problem.on_rows(found.normal_force, -found.tangential_force)
-        forces = np.append(forces, found.solution[len(found.solution) - anchors :])
-        source = Source((problem.G.T @ forces + load.prescribed)[:, None], True)
+    def _recovered(self, force: Array, case: LoadCase) -> Array:
+        """Displacements (n,) under such changes and forces on the contact DOFs (n_c,)."""
         with single_threaded:
-            return problem.bodies.recover(source, [None], [self._case(given)])[0]
+            return self.problem.bodies.recover(Source(force[:, None], True), [None], [case])[0]
 
     # -- matrices, on request -------------------------------------------------------------------
 
