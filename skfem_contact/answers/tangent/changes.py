@@ -96,17 +96,16 @@ class Parameter:
     between: tuple[Any, Any, float] | None = None
 
     def __post_init__(self) -> None:
-        kind, field = self.kind, self.field
-        if kind not in KINDS:
-            raise InputError(f"a parameter is {shown(kind)}; it may be one of {', '.join(KINDS)}.")
-        if (kind == "scene") != (self.between is not None):
+        if self.kind not in KINDS:
+            raise InputError(f"a parameter is {shown(self.kind)}; it may be one of {', '.join(KINDS)}")
+        if (self.kind == "scene") != (self.between is not None):
             raise InputError("between=(solver, solver, width) belongs to 'scene', and is needed there")
-        if field and (self.along is not None or kind in ("stiffness", "scene", *BOLTS)):
+        if self.field and (self.along is not None or self.kind in ("stiffness", "scene", *BOLTS)):
             raise InputError(
-                f"Parameter({kind!r}, field=True): a field has a value for every point or DOF, so it "
-                "has no `along`; a stiffness, scene or bolt has none: give them one by one."
+                f"Parameter({self.kind!r}, field=True): a field has a value for every point or DOF, so "
+                "it has no `along`; a stiffness, scene or bolt has none: give them one by one."
             )
-        if kind == "motion" and self.along is None and not field:
+        if self.kind == "motion" and self.along is None and not self.field:
             raise InputError("Parameter('motion'): give the direction, along=(1.0, 0.0)")
 
     def __repr__(self) -> str:

@@ -17,9 +17,9 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.tangent.changes import LOADS, Parameter, change, contracted, parameters
-from skfem_contact.answers.tangent.rates import Maps, Verge, backward, forward, take
+from skfem_contact.answers.tangent.rates import Maps, Rates, Verge, backward, forward, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values, add
-from skfem_contact.arguments import numbers, shown
+from skfem_contact.arguments import Named, numbers, shown
 from skfem_contact.arrays import Array, Index
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
@@ -77,9 +77,7 @@ class Sensitivity:
     (..., ...)
     """
 
-    def __init__(
-        self, by: Parameter, side: int, answer: Answer, rates: tuple[Values, Callable[[], Array]]
-    ) -> None:
+    def __init__(self, by: Parameter, side: int, answer: Answer, rates: Rates) -> None:
         self.by, self.side, self._answer = by, side, answer
         self._sign, (self._values, self._recover) = -1.0 if side < 0 else 1.0, rates
 
@@ -145,9 +143,8 @@ def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int)
 
 # -- histories ------------------------------------------------------------------------------------
 
-#: Solves the load steps, for results; and finds the displacements of all of them at once.
+#: Solves the load steps, for results.
 History = Callable[[], Iterable[Any]]
-Recover = Callable[[list[Any]], Any]
 #: What a user asks of the results: a value, or several, and derivatives by each result.
 Asked = Callable[[list[Any]], Any]
 
@@ -226,8 +223,8 @@ class Jacobian:
         """Say what the values do not tell, in words; empty where they tell every parameter."""
         told: list[bool] = np.any(self.matrix != 0, axis=0).tolist()
         slips = any(np.any(values.status == 2) for result in self.results for values in result)
-        by_told = zip(self.by, told, strict=True)
-        said = [f"The values do not depend on {by!r}." for by, on in by_told if not on]
+        untold = (by for by, on in zip(self.by, told, strict=True) if not on)
+        said = [f"The values do not depend on {by!r}." for by in untold]
         if not slips and any(by.kind == "friction" for by in self.by):
             said.append("No point slips in this history.")
         alike = sum(told) - self.rank
@@ -239,7 +236,7 @@ class Jacobian:
 
 
 def _linearised(
-    history: History, asked: Asked, by: tuple[Parameter, ...], recover: Recover, work: Workspace
+    history: History, asked: Asked, by: tuple[Parameter, ...], recover: Any, work: Workspace
 ) -> tuple[list[Any], Any, list[tuple[Tangent, Any]]]:
     """A history, a user's value of it, and the tangent of each result with the derivatives by it.
 
@@ -268,7 +265,7 @@ def _linearised(
         ) from None
 
 
-def gradient(history: History, objective: Asked, by: Any, recover: Recover) -> Gradient:
+def gradient(history: History, objective: Asked, by: Any, recover: Any) -> Gradient:
     """See `ContactSolver.gradient`."""
     by = parameters(by, many=True)
     loads, parts, after = any(p.kind in LOADS for p in by), list[list[Any]](), Values()
@@ -283,7 +280,7 @@ def gradient(history: History, objective: Asked, by: Any, recover: Recover) -> G
     return Gradient(float(value), by, found, results)
 
 
-def jacobian(history: History, observe: Asked, by: Any, side: int, recover: Recover) -> Jacobian:
+def jacobian(history: History, observe: Asked, by: Any, side: int, recover: Any) -> Jacobian:
     """See `ContactSolver.jacobian`."""
     by = parameters(by, many=False)
     with Workspace() as work:
@@ -324,9 +321,8 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At, tuple[
         )
     if contact is None and len(answer.names) != 1 and what != "dissipation":
         raise InputError(f"{what}: there are several contacts; name one of {', '.join(answer.names)}")
-    if contact is not None and contact not in answer.names:
-        raise InputError(f"there is no contact {shown(contact)}, only {', '.join(answer.names)}")
-    i, kin, local = answer.names.index(contact or answer.names[0]), answer.kin, answer.local
+    i = 0 if contact is None else Named(answer.contacts, answer.names, "contacts").index_of(contact)
+    kin, local = answer.kin, answer.local
     part = answer.model.interface.point_slices[i]
     heir: At = kin.heir[part] if kin.inherits else part
     m, t, d = part.stop - part.start, kin.tangents, kin.normal.shape[1]
@@ -340,11 +336,9 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At, tuple[
     if what in ("gap", "normal_force"):
         return [(ASKED, what, 1.0)], heir if what == "gap" else part, (m,)
     normal_force = local.normal_force[:, None]
-    maps: Maps
     if what == "pressure":
         per = kin.per_area[:, None]
-        maps = [(ASKED, "normal_force", per), (ASKED, "area", -(per**2) * normal_force)]
-        return maps, heir, (m,)
+        return [(ASKED, "normal_force", per), (ASKED, "area", -(per**2) * normal_force)], heir, (m,)
     if what == "slip":
         if not answer.model.interface.slipping[part].any():
             raise InputError(
@@ -357,7 +351,7 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At, tuple[
         turned = 1.0 if kin.scaled is None else np.einsum("ikd,ild->ilk", kin.axes, kin.tangent)
         return [(ASKED, "friction", -turned)], part, (m, t)
     by_axes = -np.einsum("it,de->idte", local.tangential_force, np.eye(d)).reshape(kin.m, d, -1)
-    maps = [(ASKED, "normal_force", kin.normal[:, :, None]), (ASKED, "normal", normal_force)]
+    maps: Maps = [(ASKED, "normal_force", kin.normal[:, :, None]), (ASKED, "normal", normal_force)]
     maps += [(ASKED, "friction", -kin.axes.swapaxes(1, 2)), (ASKED, "axes", by_axes)]
     return maps, part, (d,)  # force = sum of lambda n - tau . axes
 

@@ -138,7 +138,8 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
     if slipping != "stuck":
         stick &= answer.local.status == STICK
     slope = Tangent(answer).slope if slipping == "steady" else 0.0
-    trial, test = left_free(answer, closed, stick, slope)
+    trial = left_free(answer, closed, stick)
+    test = left_free(answer, closed, stick, slope) if np.any(slope) else trial
     count = len(trial.independent)
     whole_number(n, "n", 1, count)  # of what is free to move
     rims = None if answer.placed is None else answer.placed.rims

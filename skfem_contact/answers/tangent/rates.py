@@ -49,6 +49,8 @@ HANDED_ON = "slip", "friction", "reference", "bound", "stretch"
 #: What is added to a name, and the name of what that is a multiple of: by a block at each point, by a
 #: number at each or at all, or by a sparse matrix.
 Maps = list[tuple[str, str, Any]]
+#: Derivatives of an answer by name, and what finds those of displacements, (n,).
+Rates = tuple[Values, Callable[[], Array]]
 
 
 def _before(tangent: Tangent) -> Maps:
@@ -112,8 +114,8 @@ def take(maps: Maps, values: Values, back: bool = False) -> Values:
     return values
 
 
-def forward(tangent: Tangent, change: Values, last: Values) -> tuple[Values, Callable[[], Array]]:
-    """Derivatives of an answer by a number, by name; and what finds those of displacements, (n,).
+def forward(tangent: Tangent, change: Values, last: Values) -> Rates:
+    """Derivatives of an answer by a number.
 
     Parameters
     ----------
@@ -151,7 +153,6 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
     recover = tangent.solved(duals, back=True)
     if loads or tangent.bolts:
         duals["f"] = recover()
-    if loads:
         duals["x"] = _by_supports(tangent, duals)
     take(_before(tangent), duals, back=True)
     return duals, {name[5:]: own for name, own in duals.items() if name.startswith("last ")}
@@ -204,7 +205,7 @@ class Verge:
         self.bound, self.least = np.where(self.turns, 0.0, bound), np.zeros(2)
         self._read(forward(tangent, change, last)[0])
 
-    def rates(self) -> tuple[Values, Callable[[], Array]]:
+    def rates(self) -> Rates:
         """Change states until none contradicts: all, and the last alone once they repeat (Murty).
 
         Raises
@@ -223,7 +224,7 @@ class Verge:
             seen.add(key)
         raise NotConverged("no statuses of the points with a kink fit the change to this side", None)
 
-    def _solved(self) -> tuple[Values, Callable[[], Array]]:
+    def _solved(self) -> Rates:
         """Rates with the states that the points have."""
         change, tangent, slips, way = dict(self.change), self.tangent, self.slips, self.direction
         sticks, exact = self.rubs & ~(slips | self.open), self.exact[:, 0]

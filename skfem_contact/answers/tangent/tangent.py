@@ -335,14 +335,11 @@ class Tangent:
         bare, prescribed = problem.tangential_rows < 0, problem.normal_rows < 0
         by_law = np.where(bare, friction, 0.0)
         start = problem.on_rows(-pulled - np.einsum("ik,ik->i", held.coupling, by_law), friction)
-        drawn = slip
-        if held.gives:
-            drawn = slip + np.einsum("ikl,ik->il", held.spring, by_law)
+        drawn = slip + np.einsum("ikl,ik->il", held.spring, by_law) if held.gives else slip
         total, since = zone.transposed(held, start, problem.on_rows(gap, drawn), moved, key)
         by_row = np.concatenate((since, NO_ROW))[problem.tangential_rows]
         offset = np.where((self.closed & ~self.stick)[:, None], by_law - by_row, 0.0)
-        if held.gives:
-            drawn = slip + np.einsum("ikl,ik->il", held.spring, offset)
+        drawn = slip + np.einsum("ikl,ik->il", held.spring, offset) if held.gives else slip
         by_row = np.concatenate((total, NO_ROW))
         slip0 = np.where(bare, drawn, by_row[problem.tangential_rows])
         values |= {"gap0": np.where(prescribed, gap, by_row[problem.normal_rows])[:, None]}
@@ -377,21 +374,18 @@ class Tangent:
         return held_rows(self.answer.kin, self.closed, self.stick)
 
     @cached_property
-    def _free(self) -> tuple[AffineConstraint, AffineConstraint]:
-        return left_free(self.answer, self.closed, self.stick, self.slope)
-
-    @property
     def T(self) -> csr_matrix:
         """Rates of u that `rows` and supports leave free, ``u = T u_r``, (n, r)."""
-        return self._free[0].T
+        return left_free(self.answer, self.closed, self.stick).T
 
-    @property
+    @cached_property
     def W(self) -> csr_matrix:
         """Virtual displacements on which contact forces do no work, friction included, (n, r).
 
         Of as many columns as `T`, and T itself where no friction follows the pressure.
         """
-        return self._free[1].T
+        follows = np.any(self.slope)
+        return left_free(self.answer, self.closed, self.stick, self.slope).T if follows else self.T
 
     @property
     def K_r(self) -> csr_matrix:
@@ -420,20 +414,13 @@ def held_rows(kin: Kinematics, closed: Mask, stick: Mask, slope: ArrayLike = 0.0
     return csr_matrix(vstack([normal[closed], kin.B_t[np.repeat(stick, kin.tangents)]]))
 
 
-def left_free(
-    posed: Any, closed: Mask, stick: Mask, slope: ArrayLike = 0.0
-) -> tuple[AffineConstraint, AffineConstraint]:
-    """Displacements that `held_rows` and supports leave free, and virtual ones that forces do not.
+def left_free(posed: Any, closed: Mask, stick: Mask, slope: ArrayLike = 0.0) -> AffineConstraint:
+    """Displacements that `held_rows` and supports leave free, of an answer or a solver.
 
-    Of an answer or a solver. The same object where no friction follows the pressure.
+    With the slope virtual ones, on which contact forces do no work.
     """
-
-    def free(slope: ArrayLike) -> AffineConstraint:
-        rows, system = held_rows(posed.kin, closed, stick, slope), posed.system
-        return eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n))
-
-    trial = free(0.0)
-    return trial, free(slope) if np.any(slope) else trial
+    rows, system = held_rows(posed.kin, closed, stick, slope), posed.system
+    return eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n))
 
 
 def refuse(answer: Answer) -> None:
@@ -444,6 +431,7 @@ def refuse(answer: Answer) -> None:
     InputError
     """
     model, interface = answer.model, answer.model.interface
+    wears = bool(interface.wear) or bool(np.count_nonzero(answer.state.wear))
     remembers = [getattr(body, "initial_state", None) for body in model.system.bodies]
     bare = [
         f"{type(own.law).__name__} of contact '{own.contact}'"
@@ -454,9 +442,7 @@ def refuse(answer: Answer) -> None:
         "it did not converge ({answer.message})": not answer.converged,
         'contact slides far (sliding="finite"): how its pairing changes is not differentiated. Where '
         'slips are short, sliding="small" has derivatives': model.geometry.follows,
-        "surfaces wear: the depth worn off is not differentiated. Leave wear out of the contact": (
-            bool(interface.wear) or np.count_nonzero(answer.state.wear)
-        ),
+        "surfaces wear: the depth worn off is not differentiated. Leave wear out of the contact": wears,
         "its load step was cut into {answer.parts} parts, whose states are not kept. Give the history "
         "smaller steps": answer.parts > 1,
         "conditions of its points depend on each other, so that forces are not unique. Let contacts "
