@@ -53,7 +53,7 @@ def scene(cells: tuple[int, int, int, int]) -> sc.ContactSolver:
 
 def held(solver: sc.ContactSolver, closed: np.ndarray) -> Any:
     """What is left free where these points are stuck, ``u = T u_r``."""
-    return left_free(solver, closed, closed)[0].T
+    return left_free(solver, closed, closed).T
 
 
 def spent(run: Callable[[], object]) -> float:

@@ -11,6 +11,7 @@ import skfem
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix, issparse
 from skfem.assembly import BilinearForm, CellBasis, DofsView, LinearForm
+from skfem.helpers import inner
 
 from skfem_contact.arguments import number, shown, suggest
 from skfem_contact.arrays import check_finite, check_size, check_type, dof_numbers, rectangular
@@ -233,9 +234,7 @@ def mass_of(mass: Any, basis: Any, measure: Any, whose: str) -> Any:
             raise InputError(f"mass of {whose} is {density:g}; the mass by volume is positive")
 
         def inertia(u: Any, v: Any, w: Any) -> Any:
-            product = np.asarray(u) * np.asarray(v)
-            work = density * (product.sum(axis=0) if product.ndim == w.x.ndim else product)
-            return work if measure is None else work * measure(w.x)
+            return density * inner(u, v) * (1.0 if measure is None else measure(w.x))
 
         mass = BilinearForm(inertia)
     return stiffness_of(mass, basis, f"the mass of {whose}")

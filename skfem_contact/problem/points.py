@@ -207,8 +207,6 @@ class HeldRows:
         All rows but `gaps` and `slips`.
     rubbing, pressing : ndarray of int, share : ndarray
         Rows whose friction follows the normal force, on which row that is, and how much of it.
-    bare : ndarray of bool, shape (m, d-1), or None
-        Tangents along which there is only the law, as they have no row; None without any.
     """
 
     def __init__(self, space: PointSpace, conditions: Conditions) -> None:
@@ -228,8 +226,6 @@ class HeldRows:
         self.rubbing = space.tangential_rows[follows]
         self.pressing = space.normal_rows[np.nonzero(follows)[0]]
         self.share = conditions.coupling[follows]
-        bare = self.rubs[:, None] & ~has_slip
-        self.bare = bare if np.count_nonzero(bare) else None
 
 
 class Unknowns(NamedTuple):
@@ -238,10 +234,6 @@ class Unknowns(NamedTuple):
     z: Array
     p: Array
     since: Array
-
-
-#: Derivatives of a number by what an answer follows from.
-Duals = dict[str, Array]
 
 
 class LoadForces:
@@ -344,57 +336,26 @@ class PointSpace:
         z[rows.free] += since[rows.free]
         return Unknowns(z, self.S.dot(z) - force, since)
 
-    def adjoint(self, conditions: Conditions, of: Response, key: object) -> Duals:
-        """`unknowns` and `response` backwards, line by line.
+    def transposed(self, conditions: Conditions, start: Array, h: Array, key: object) -> Unknowns:
+        """Solve the transposed problem, which derivatives go back by.
+
+        Gaps follow slips in it, where in the problem itself friction follows normal forces.
 
         Parameters
         ----------
         conditions : Conditions
-        of : Response
-            Derivatives of a number by gaps, slips and forces; by the solution z too.
+        start : ndarray, shape (q,)
+            What is held of gaps and slips, and where springs begin; of others any values.
+        h : ndarray, shape (q,)
         key : object
             As of `unknowns`.
-
-        Returns
-        -------
-        dict of ndarray
-            Derivatives by the forces h on gaps and slips, `load` (q,), and S times that, `moved`; by
-            gap0 (m, 1), and by slip0, anchor and offset, (m, d-1).
         """
         rows, factor = self._held(conditions, key)
-        q, slip, normal_force, tangential = len(self.S), of.slip, of.normal_force, of.tangential_force
-        by_law = way = np.zeros(slip.shape)
-        if rows.bare is not None:
-            by_law = np.where(rows.bare, tangential, 0.0)
-            way = np.einsum("ikl,ik->il", conditions.spring, by_law)
-            normal_force = normal_force + np.sum(conditions.coupling * by_law, axis=1)
-        slip = slip + way
-        gap0 = np.where(rows.closed, 0.0, of.gap)
-        # each point has rows of its own; those of -1, which there are not, go to the end
-        z, p = np.concatenate((of.solution, NO_ROW)), np.zeros(q)
-        z[self.normal_rows] += gap0
-        z[self.tangential_rows] += slip
-        p[rows.gaps] = normal_force[rows.closed]
-        p[rows.slips] = -tangential[rows.stick]
-        p[rows.sliding] = -tangential[rows.slides]
-        own = z[:-1]
-        z = own + self.S.dot(p)
-        r = np.zeros(q)
-        r[rows.free] = factor.solve(z[rows.free], transposed=True)
-        if len(rows.rubbing):
-            np.add.at(r, rows.pressing, rows.share * r[rows.rubbing])
-        base = z - self.S.dot(r)
-        gap0[rows.closed] = -base[rows.gaps]
-        # held: what moves with anchors, slips of sticking points and springs
-        held, known = np.zeros((2, *slip.shape))
-        held[rows.stick] = base[rows.slips]
-        known[rows.slides] = -r[rows.sliding]
-        if conditions.gives:
-            held[rows.slides] = base[rows.sliding]
-            given = np.einsum("ikl,ik->il", conditions.spring, known)
-            held -= np.where(rows.slides, 0.0, given)
-        found = {"load": r - p, "moved": own - base, "gap0": gap0[:, None], "slip0": slip - held}
-        return found | {"anchor": held - way, "offset": by_law + known}
+        since = np.zeros(len(h))
+        since[rows.free] = factor.solve((h - self.S.dot(start))[rows.free], transposed=True)
+        z = start + since
+        np.add.at(z, rows.pressing, rows.share * since[rows.rubbing])
+        return Unknowns(z, self.S.dot(z) - h, since)
 
     def _held(self, conditions: Conditions, key: object) -> tuple[HeldRows, DenseFactors]:
         """The rows that conditions hold, and the factor; the last ones, if their matrix is the same."""

@@ -34,9 +34,7 @@ from skfem_contact.conditions.state import LoadCase
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import ROWS_AT_ONCE, cholesky, lu, symmetrise
 from skfem_contact.problem.points import (
-    NO_ROW,
     Conditions,
-    Duals,
     Load,
     LoadForces,
     PointSpace,
@@ -290,7 +288,7 @@ class Zone:
     def __init__(self, whole: Compliance, keep: Mask | None = None, refuses: bool = False) -> None:
         normal, tangential, q = whole.normal_rows, whole.tangential_rows, whole.q
         self.left = keep is not None
-        self._normal, self._tangential, self.good = normal, tangential, True
+        self.good = True
         self.keep = np.ones(len(normal), dtype=bool) if keep is None else keep
         self._dropped, self.count = ~self.keep, np.count_nonzero(self.keep & (normal >= 0))
         on, self.rows = None, np.arange(q)
@@ -354,42 +352,39 @@ class Zone:
         response.solution = np.append(z, q) if len(q) else z
         return response
 
-    def adjoint(self, conditions: Conditions, of: Response, key: object) -> Duals:
-        """`solve` backwards.
+    def transposed(
+        self, conditions: Conditions, start: Array, forces: Array, moved: Array, key: object
+    ) -> tuple[Array, Array]:
+        """Solve the transposed problem of all points, see `PointSpace.transposed`.
 
         Parameters
         ----------
         conditions, key
             As of `solve`.
-        of : Response
-            Derivatives of a number by gaps, slips and forces of all points; its solution those by the
-            forces of all rows and of the springs on anchors, which come on top.
+        start, forces : ndarray, shape (q,)
+            What gaps and slips are held at, and forces on them.
+        moved : ndarray, shape (q + k,)
+            As of `Load`; it is changed.
 
         Returns
         -------
-        dict of ndarray
-            As of `PointSpace.adjoint`; `moved` is by what gaps, slips and anchors do where contact
-            carries nothing.
+        total : ndarray, shape (q + k,)
+            Forces on gaps and slips, those of contact too, and of the springs on anchors.
+        since : ndarray, shape (q,)
+            Slips beyond where springs begin.
         """
-        forces, moved = of.solution.copy(), np.zeros(len(of.solution))
-        q, by_z = len(forces) - len(self._A_qq), np.zeros(len(self.rows))
-        if self.left:
-            left = np.zeros(q + 1)  # the last for rows of -1
-            left[self._normal], left[self._tangential] = of.gap, of.slip
-            moved[self.rest] = left[self.rest]
-            forces[self._on] += moved[self.rest] @ self._across
-        if len(forces) > q:
-            anchors = self._rigid.solve(forces[q:])
-            by_z = -forces[q:] @ self._carried
-        p = np.concatenate((forces[:q], NO_ROW))
-        normal_force = of.normal_force + p[self._normal]
-        friction = of.tangential_force - p[self._tangential]
-        own = Response(of.gap, of.slip, normal_force, friction, by_z)
-        found = self.space.adjoint(conditions, own, key)
-        moved[self.rows] = found["moved"] - by_z
-        if len(forces) > q:
-            moved[q:] = self._A_qq @ anchors - self._carried @ found["load"]
-        return found | {"moved": moved}
+        q, rows = len(start), self.rows
+        if self.left:  # forces on what is left out move the others
+            moved[self._on] += forces[self.rest] @ self._across
+        h, total, since = forces[rows], np.concatenate((forces, moved[q:])), np.zeros(q)
+        if len(moved) > q:
+            h = h - moved[q:] @ self._carried
+        found = self.space.transposed(conditions, start[rows] - moved[rows], h, key)
+        total[rows] += found.p
+        since[rows] = found.since
+        if len(moved) > q:
+            total[q:] += self._rigid.solve(moved[q:]) - self._carried @ found.z
+        return total, since
 
 
 def indefinite_inverse(W: Array, refuses: bool = True) -> Array:

@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix, diags, issparse
 
-from skfem_contact.answers.answer import Answer, fluid_beyond
+from skfem_contact.answers.answer import Answer, fluid_beyond, point_forces
 from skfem_contact.answers.tangent.rates import Maps, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values
 from skfem_contact.arguments import numbers, shown, with_known_keywords
 from skfem_contact.arrays import Array
-from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.bodies.member import Member
 from skfem_contact.conditions.contact import Contact, number_of
 from skfem_contact.conditions.friction import Coulomb, Tresca
@@ -32,12 +31,11 @@ from skfem_contact.records import copied, dataclass
 #: What changes loads of bodies, so that derivatives by these are needed inside; then what does not.
 LOADS = "stiffness", "load", "displacement", "scene"
 BOLTS = "bolt_force", "bolt_stretch"
-GAPS = "interference", "gap"
 #: Bodies with their DOFs, contacts with their points, or bolts.
 Places = list[tuple[int, Any]]
 #: The name of the values of a parameter at each point or DOF.
 FIELD = "field"
-KINDS = "friction", *LOADS, *GAPS, "motion", *BOLTS
+KINDS = "friction", *LOADS, "interference", "gap", "motion", *BOLTS
 
 
 @with_known_keywords()
@@ -98,24 +96,22 @@ class Parameter:
     between: tuple[Any, Any, float] | None = None
 
     def __post_init__(self) -> None:
-        kind, field = self.kind, self.field
-        if kind not in KINDS:
-            raise InputError(f"a parameter is {shown(kind)}; it may be one of {', '.join(KINDS)}.")
-        if (kind == "scene") != (self.between is not None):
+        if self.kind not in KINDS:
+            raise InputError(f"a parameter is {shown(self.kind)}; it may be one of {', '.join(KINDS)}")
+        if (self.kind == "scene") != (self.between is not None):
             raise InputError("between=(solver, solver, width) belongs to 'scene', and is needed there")
-        if field and (self.along is not None or kind in ("stiffness", "scene", *BOLTS)):
+        if self.field and (self.along is not None or self.kind in ("stiffness", "scene", *BOLTS)):
             raise InputError(
-                f"Parameter({kind!r}, field=True): a field has a value for every point or DOF, so it "
-                "has no `along`; a stiffness, scene or bolt has none: give them one by one."
+                f"Parameter({self.kind!r}, field=True): a field has a value for every point or DOF, so "
+                "it has no `along`; a stiffness, scene or bolt has none: give them one by one."
             )
-        if kind == "motion" and self.along is None and not field:
+        if self.kind == "motion" and self.along is None and not self.field:
             raise InputError("Parameter('motion'): give the direction, along=(1.0, 0.0)")
 
     def __repr__(self) -> str:
-        said = [repr(self.kind)]
-        said += [f"{k}={v!r}" for k in ("of", "along") if (v := getattr(self, k)) is not None]
-        said += [f"{k}=True" for k in ("field", "each_step") if getattr(self, k)]
-        return f"Parameter({', '.join(said)})"
+        said = {name: getattr(self, name) for name in ("of", "along", "field", "each_step")}
+        words = [f"{name}={v!r}" for name, v in said.items() if v is not None and v is not False]
+        return f"Parameter({', '.join([repr(self.kind), *words])})"
 
 
 def parameters(by: Any, many: bool) -> tuple[Parameter, ...]:
@@ -137,8 +133,8 @@ def change(by: Parameter, tangent: Tangent) -> Values:
 
     Loads f and x (n,); gap0 (m, 1) and slip0 (m, d-1); of the friction force that the return map makes
     of the same trial force, `mapped` (m, d-1), and of its bound under the same normal force (m, 1); of
-    the stretch of bolts at the same displacements, `drive`, and of their tension at the same stretch
-    too (b,); of area (m, 1), normal (m, d) and axes.
+    what bodies bear at the same displacements, `borne` (n,); of the stretch of bolts there, `drive`,
+    and of their tension at the same stretch too (b,); of area (m, 1), normal (m, d) and axes.
     """
     if by.kind == "scene":
         return _between(by, tangent)
@@ -148,9 +144,8 @@ def change(by: Parameter, tangent: Tangent) -> Values:
     (m, d), b = answer.kin.normal.shape, len(answer.bolt_names)
     of_dofs, of_bolts = dict.fromkeys(LOADS, (answer.system.n,)), dict.fromkeys(BOLTS, (b,))
     p = np.zeros((of_dofs | of_bolts | {"motion": (m, d)}).get(by.kind, (m, 1)))
-    whole = by.along is None or (by.kind == "stiffness" and issparse(by.along))
     for _, at in places:
-        p[at] = 1.0 if whole else _field(by, p[at])
+        p[at] = _field(by, p[at])
     return take(_maps(by, tangent, places), {FIELD: p})
 
 
@@ -173,9 +168,9 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
     """What the values of a parameter at each point or DOF change, which are zero at other places."""
     answer, bolts, kind = tangent.answer, tangent.bolts, by.kind
     case, system, kin = answer.case, answer.system, answer.kin
-    if bolts is not None and kind in BOLTS:
-        given = tangent.tightened if kind == "bolt_force" else ~tangent.tightened & ~tangent.locked
-        return [("drive", FIELD, given / np.where(tangent.tightened, bolts.k, 1.0))]
+    if kind in BOLTS:
+        shift = 1.0 * ~(tangent.tightened | tangent.locked)
+        return [("drive", FIELD, -tangent.by_pull if kind == "bolt_force" else shift)]
     if kind == "stiffness":
         borne, along = np.zeros(system.n), by.along
         for i, at in places:
@@ -184,12 +179,12 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
                 borne[at] = _borne(body, answer.stiffness[i], u)
                 if bolts:  # the stiffness of a step that gives their forces lets them slide
                     P = bolts.pulls[:, at]
-                    borne[at] += P.T @ np.where(tangent.tightened, P @ u / bolts.k, 0.0)
+                    borne[at] -= P.T @ (tangent.by_pull * (P @ u))
             elif along.shape == (body.n, body.n):
                 borne[at] = system.scaled(body, along) @ u
             else:
                 raise InputError(f"{by!r}: along has shape {along.shape}; the body has {body.n} DOFs")
-        return [("borne", FIELD, borne), *_eased(tangent)]
+        return [("borne", FIELD, borne)]
     if kind in LOADS:
         load = kind == "load"
         # of a body in a step over those that a user gives; or of all, with what fluids have by now
@@ -201,8 +196,7 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
             return [("x", FIELD, case.x)]
         maps: Maps = [("f", FIELD, case.applied + (answer.load - case.f))]
         if bolts is not None:
-            heat = bolts.slides.multiply(bolts.thermal(case))
-            maps += [("tension", FIELD, -heat), _drive(tangent, bolts)]
+            maps.append(("tension", FIELD, -bolts.slides.multiply(bolts.thermal(case))))
         return maps
     if kind == "friction":
         on = np.zeros((kin.m, 1))
@@ -210,10 +204,10 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
             on[at, 0] = _by_coefficient(tangent, i, at)
         return [("bound", FIELD, on), ("mapped", FIELD, (tangent.direction * on)[:, :, None])]
     if kind == "motion":
-        own = np.where(kin.paired, -1.0, 0.0)[:, None, None]
-        return [("gap0", FIELD, own * kin.normal[:, None]), ("slip0", FIELD, own * kin.axes)]
-    own = np.where(kin.paired, 1.0, 0.0)[:, None]
-    rows = own if kin.gap_weights is None else diags(own[:, 0]) @ kin.gap_weights
+        way = -1.0 * kin.paired[:, None, None]
+        return [("gap0", FIELD, way * kin.normal[:, None]), ("slip0", FIELD, way * kin.axes)]
+    paired = 1.0 * kin.paired
+    rows = paired[:, None] if kin.gap_weights is None else diags(paired) @ kin.gap_weights
     return [("given", FIELD, 1.0 if kind == "gap" else -1.0), ("gap0", "given", rows)]
 
 
@@ -250,8 +244,7 @@ def _between(by: Parameter, tangent: Tangent) -> Values:
             "is, and change both coefficients by one factor."
         )
     less, more = (_in_scene(solver, tangent) for solver in ends)
-    found = {name: (more[name] - less[name]) / width for name in less}
-    return take(_eased(tangent), found)
+    return {name: (more[name] - less[name]) / width for name in less}
 
 
 def _in_scene(solver: Any, tangent: Tangent) -> Values:
@@ -264,30 +257,27 @@ def _in_scene(solver: Any, tangent: Tangent) -> Values:
     case = reader.resumed(copied(answer.case, interference=given), answer.case.x)
     bodies = zip(answer.system.bodies, solver.system.bodies, solver.linear_model.stiffness, strict=True)
     borne = [_borne(there, K, answer.stretched(body)) for body, there, K in bodies]
-    f = case.f + kin.B_n.T @ local.normal_force
+    # tangents in space are a choice, which jumps: those of the answer are turned to these normals
+    turned = transport(answer.kin.axes.swapaxes(0, 1), answer.kin.normal, kin.normal)
+    own = np.einsum("kid,ild->ikl", turned, kin.axes)
+    if kin.scaled is not None:  # and stay, see above
+        own = np.broadcast_to(np.eye(kin.tangents), own.shape)
+    friction = np.einsum("ikl,ik->il", own, local.tangential_force)
+    f = case.f + point_forces(kin, copied(local, tangential_force=friction))
     for i, body in enumerate(solver.system.bodies):
         if body.finite_strain and i in case.apart:
             part = solver.system.slice(body)
             f[part] += fluid_beyond(body, case.apart[i], u[part])[0]
-    gap0 = np.where(kin.paired, case.gap0, 0.0) + np.where(kin.paired, kin.B_n @ u, 0.0)
+    gap0 = np.where(kin.paired, case.gap0 + kin.B_n @ u, 0.0)
+    slips = case.slip0 + (kin.B_t @ u).reshape(local.slip.shape)
+    rule = FrictionRule(solver.interface.laws, kin.area, local.reference)
+    trial = np.where(tangent.slips[:, None], tangent.slopes.trial, 0.0)
+    bound = np.where(tangent.closed, rule.bound(local.normal_force, local.slip), 0.0)
     out = {"f": f, "x": case.x, "borne": np.concatenate(borne), "gap0": gap0[:, None]}
-    out |= {"area": kin.area[:, None], "normal": kin.normal}
-    if local.slip.size:
-        # tangents in space are a choice, which jumps: those of the answer are turned to these normals
-        turned = transport(answer.kin.axes.swapaxes(0, 1), answer.kin.normal, kin.normal)
-        own = np.einsum("kid,ild->ikl", turned, kin.axes)
-        if kin.scaled is not None:  # and stay, see above
-            own = np.broadcast_to(np.eye(kin.tangents), own.shape)
-        slips = case.slip0 + (kin.B_t @ u).reshape(local.slip.shape)
-        out["slip0"] = np.einsum("ikl,il->ik", own, slips)
-        out["f"] = f - kin.B_t.T @ np.einsum("ikl,ik->il", own, local.tangential_force).ravel()
-        rule = FrictionRule(solver.interface.laws, kin.area, local.reference)
-        trial = np.where(tangent.slips[:, None], tangent.slopes.trial, 0.0)
-        out["mapped"] = rule.project(trial, local.normal_force, local.slip)[0]
-        bound = rule.bound(local.normal_force, local.slip)
-        out["bound"] = np.where(tangent.closed, bound, 0.0)[:, None]
-        out["axes"] = np.einsum("ikl,ild->ikd", own, kin.axes).reshape(kin.m, -1)
-    return out
+    out |= {"slip0": np.einsum("ikl,il->ik", own, slips), "bound": bound[:, None]}
+    out |= {"mapped": rule.project(trial, local.normal_force, local.slip)[0], "area": kin.area[:, None]}
+    axes = np.einsum("ikl,ild->ikd", own, kin.axes).reshape(kin.m, -1)
+    return out | {"normal": kin.normal, "axes": axes}
 
 
 # -- what bodies bear ---------------------------------------------------------------------------
@@ -298,53 +288,42 @@ def _borne(body: Member, K: csr_matrix, u: Array) -> Array:
     return np.asarray(body.linearize(u)[1] if body.nonlinear else K @ u)
 
 
-def _eased(tangent: Tangent) -> Maps:
-    """Changes of loads, and of stretch and force of bolts, from those of what all bodies bear, (n,)."""
-    maps: Maps = [("f", "borne", -1.0)]
-    if (bolts := tangent.bolts) is not None:
-        maps += [("tension", "borne", bolts.slides), _drive(tangent, bolts)]
-    return maps
-
-
-def _drive(tangent: Tangent, bolts: Bolts) -> tuple[str, str, Array]:
-    """Change of the stretch of bolts with a given force from that of their tension, both (b,)."""
-    return "drive", "tension", np.where(tangent.tightened, -1.0 / bolts.k, 0.0)
-
-
 # -- whose ----------------------------------------------------------------------------------------
 
 
 def _places(by: Parameter, answer: Answer) -> Places:
-    """Bodies of a parameter with their DOFs, contacts with their points, or bolts."""
-    if (bolts := answer.bolts) is not None and by.kind in BOLTS:
-        each = zip(bolts.names, bolts.bolts, strict=True)
-        named = np.array([by.of is None or by.of == name or by.of is bolt for name, bolt in each])
-        if not named.any():
-            raise InputError(f"{by!r}: there is no such bolt; there are {', '.join(bolts.names)}.")
-        return [(0, named)]
+    """Bodies of a parameter with their DOFs, contacts with their points, or bolts with their number."""
     if by.kind in LOADS:
         system = answer.system
         if isinstance(by.of, Contact):
             raise InputError(f"{by!r}: of is a contact; name a body")
         bodies = system.bodies if by.of is None else [system.bodies[system.index(by.of)]]
         return [(system.bodies.index(body), system.slice(body)) for body in bodies]
-    names, contacts, motion = answer.names, answer.contacts, by.kind == "motion"
-    if by.of is None:
-        has = [c.rigid if motion else c.friction or by.kind != "friction" for c in contacts]
-        some = [i for i, own in enumerate(has) if own]
-    elif (number := number_of(by.of, contacts)) is not None:
-        some = [number]
+    bolts, motion, contacts = answer.bolts, by.kind == "motion", answer.contacts
+    if bolts is not None and by.kind in BOLTS:
+        what, names = "bolt", bolts.names
+        meant = [by.of in (None, *own) for own in zip(names, bolts.bolts, strict=True)]
     else:
-        known = [c.primary.name if motion and c.rigid else None for c in contacts]
-        some = [i for i, own in enumerate(names if by.of in names else known) if own == by.of]
-        if not some:
-            words = ", ".join(map(repr, names))
-            raise InputError(f"{by!r}: there is no such contact; there are {words}.")
-    return [(i, answer.model.interface.point_slices[i]) for i in some]
+        what, names = "contact", answer.names
+        if by.of is None:
+            meant = [bool(c.rigid if motion else c.friction or by.kind != "friction") for c in contacts]
+        else:
+            tools = [c.primary.name if motion and c.rigid else None for c in contacts]
+            known, number = [*names] if by.of in names else tools, number_of(by.of, contacts)
+            meant = [i == number or own == by.of for i, own in enumerate(known)]
+    if not any(meant) and by.of is not None:
+        words = ", ".join(map(repr, names))
+        raise InputError(f"{by!r}: there is no such {what}; there are {words}.")
+    some = [i for i, own in enumerate(meant) if own]
+    return (
+        [(0, some)] if what == "bolt" else [(i, answer.model.interface.point_slices[i]) for i in some]
+    )
 
 
-def _field(by: Parameter, there: Array) -> Array:
-    """The values of `along` in the shape that they have there."""
+def _field(by: Parameter, there: Array) -> Array | float:
+    """The values of `along` in the shape that they have there; one, where it is none or a matrix."""
+    if by.along is None or (by.kind == "stiffness" and issparse(by.along)):
+        return 1.0
     wanted = {"motion": there.shape[1:], "stiffness": ()}.get(by.kind, there.shape[:1])
     values = numbers(by.along, f"{by!r}: along", "give a number, or one for each point or DOF")
     if values.shape != wanted and (values.shape or by.kind == "motion"):

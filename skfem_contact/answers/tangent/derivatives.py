@@ -17,11 +17,10 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.tangent.changes import LOADS, Parameter, change, contracted, parameters
-from skfem_contact.answers.tangent.rates import Maps, Rates, Verge, backward, take
+from skfem_contact.answers.tangent.rates import Maps, Rates, Verge, backward, forward, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values, add
-from skfem_contact.arguments import numbers, shown
+from skfem_contact.arguments import Named, numbers, shown
 from skfem_contact.arrays import Array, Index
-from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.dense_factors import single_threaded
@@ -78,20 +77,19 @@ class Sensitivity:
     (..., ...)
     """
 
-    def __init__(self, by: Parameter, rates: Rates, side: int) -> None:
-        self.by, self.side, self._rates = by, side, rates
-        self._sign = -1.0 if side < 0 else 1.0
-        self._answer = rates.tangent.answer
+    def __init__(self, by: Parameter, side: int, answer: Answer, rates: Rates) -> None:
+        self.by, self.side, self._answer = by, side, answer
+        self._sign, (self._values, self._recover) = -1.0 if side < 0 else 1.0, rates
 
     @property
     def u(self) -> Array:
         """The derivatives of the displacements of all bodies, shape (n,)."""
-        return self._sign * self._rates.u / self._answer.system.units
+        return self._sign * self._recover() / self._answer.system.units
 
     @property
     def bolts(self) -> dict[str, BoltRates]:
         """The derivatives of the forces and stretches of bolts, by name."""
-        values, names = self._rates.values, self._answer.bolt_names
+        values, names = self._values, self._answer.bolt_names
         known = [(self._sign * values[name]).tolist() for name in ("tension", "stretch") if names]
         return {name: BoltRates(*own) for name, *own in zip(names, *known, strict=True)}
 
@@ -110,7 +108,7 @@ class Sensitivity:
             Its name; not needed where there is one, nor for the energy that all of them lose.
         """
         maps, at, shape = _quantity(self._answer, quantity, contact)
-        found = self._sign * take(maps, dict(self._rates.values))[ASKED][at]
+        found = self._sign * take(maps, dict(self._values))[ASKED][at]
         found = found.sum(axis=0) if quantity in SUMS else found
         return found.reshape(shape) if shape else float(found[0])
 
@@ -124,7 +122,9 @@ class Sensitivity:
 
     def dot(self, weights: Mapping[str, Any]) -> float:
         """Derivative of a function of the result, given as for `ContactSolver.gradient`."""
-        return self._sign * self._rates.dot(weights_of(self._answer, weights))
+        found = weights_of(self._answer, weights)
+        values = self._values | ({"u": self._recover()} if "u" in found else {})
+        return self._sign * sum(float(np.sum(w * values.get(name, 0.0))) for name, w in found.items())
 
 
 def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int) -> Sensitivity:
@@ -134,19 +134,17 @@ def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int)
         raise InputError(f"side = {shown(side)}; it may be 1, -1, or 0 for the statuses that hold")
     if after is not None and (repr(after.by), after.side) != (repr(by), side):
         raise InputError(f"after is by {after.by!r}, side {after.side}; here by {by!r}, side {side}")
-    found, last = change(by, tangent), {} if after is None else after._rates.values
-    if side < 0:
-        found = {name: -own for name, own in found.items()}
+    sign, last = -1.0 if side < 0 else 1.0, {} if after is None else after._values
+    found = {name: sign * own for name, own in change(by, tangent).items()}
     at_kink = side and len(tangent.kinks)
-    rates = Verge(tangent, found, last).rates() if at_kink else Rates(tangent, found, last)
-    return Sensitivity(by, rates, side)
+    rates = Verge(tangent, found, last).rates() if at_kink else forward(tangent, found, last)
+    return Sensitivity(by, side, tangent.answer, rates)
 
 
 # -- histories ------------------------------------------------------------------------------------
 
-#: Solves the load steps, for results; and finds the displacements of all of them at once.
+#: Solves the load steps, for results.
 History = Callable[[], Iterable[Any]]
-Recover = Callable[[list[Any]], Any]
 #: What a user asks of the results: a value, or several, and derivatives by each result.
 Asked = Callable[[list[Any]], Any]
 
@@ -225,8 +223,8 @@ class Jacobian:
         """Say what the values do not tell, in words; empty where they tell every parameter."""
         told: list[bool] = np.any(self.matrix != 0, axis=0).tolist()
         slips = any(np.any(values.status == 2) for result in self.results for values in result)
-        by_told = zip(self.by, told, strict=True)
-        said = [f"The values do not depend on {by!r}." for by, on in by_told if not on]
+        untold = (by for by, on in zip(self.by, told, strict=True) if not on)
+        said = [f"The values do not depend on {by!r}." for by in untold]
         if not slips and any(by.kind == "friction" for by in self.by):
             said.append("No point slips in this history.")
         alike = sum(told) - self.rank
@@ -238,9 +236,9 @@ class Jacobian:
 
 
 def _linearised(
-    history: History, asked: Asked, by: tuple[Parameter, ...], recover: Recover, work: Workspace
-) -> tuple[list[Any], list[Tangent], Any, list[Any]]:
-    """A history, its tangents, a user's value of it, and the derivatives of that by each result.
+    history: History, asked: Asked, by: tuple[Parameter, ...], recover: Any, work: Workspace
+) -> tuple[list[Any], Any, list[tuple[Tangent, Any]]]:
+    """A history, a user's value of it, and the tangent of each result with the derivatives by it.
 
     The tangents borrow the memory of the load steps for as long as `work` is open.
     """
@@ -259,28 +257,22 @@ def _linearised(
     given = asked(results)
     try:
         value, derivatives = given
-        derivatives = [{} if own is None else own for own in derivatives]
+        return results, value, list(zip(tangents, derivatives, strict=True))
     except (TypeError, ValueError):
         raise InputError(
             f"the function gave {shown(given)}; it has to return (value, derivatives), these a list "
-            "with a dict for each result, None where it does not depend on it"
+            f"with a dict for each of {len(results)} results, None where it does not depend on it"
         ) from None
-    if len(derivatives) != len(results):
-        raise InputError(
-            f"the function gave {len(derivatives)} derivatives for {len(results)} results: give one "
-            "dict for each result, in the order of the steps, None where nothing depends on it"
-        )
-    return results, tangents, value, derivatives
 
 
-def gradient(history: History, objective: Asked, by: Any, recover: Recover) -> Gradient:
+def gradient(history: History, objective: Asked, by: Any, recover: Any) -> Gradient:
     """See `ContactSolver.gradient`."""
     by = parameters(by, many=True)
     loads, parts, after = any(p.kind in LOADS for p in by), list[list[Any]](), Values()
     with Workspace() as work:
-        results, tangents, value, given = _linearised(history, objective, by, recover, work)
+        results, value, given = _linearised(history, objective, by, recover, work)
         with single_threaded:
-            for tangent, own in zip(reversed(tangents), reversed(given), strict=True):
+            for tangent, own in reversed(given):
                 duals, after = backward(tangent, weights_of(tangent.answer, own), after, loads)
                 parts.insert(0, [contracted(p, tangent, duals) for p in by])
     each = zip(by, zip(*parts, strict=True), strict=True)
@@ -288,24 +280,25 @@ def gradient(history: History, objective: Asked, by: Any, recover: Recover) -> G
     return Gradient(float(value), by, found, results)
 
 
-def jacobian(history: History, observe: Asked, by: Any, side: int, recover: Recover) -> Jacobian:
+def jacobian(history: History, observe: Asked, by: Any, side: int, recover: Any) -> Jacobian:
     """See `ContactSolver.jacobian`."""
     by = parameters(by, many=False)
     with Workspace() as work:
-        results, tangents, values, given = _linearised(history, observe, by, recover, work)
+        results, values, given = _linearised(history, observe, by, recover, work)
         values = numbers(values, "values of observe", "give a vector")
-        matrix, rows = np.zeros((len(values), len(by))), [_rows(own, len(values)) for own in given]
+        matrix = np.zeros((len(values), len(by)))
         for j, p in enumerate(by):
             known: Sensitivity | None = None
-            for tangent, own in zip(tangents, rows, strict=True):
+            for tangent, own in given:
                 known = sensitivity(tangent, p, known, side)
-                for i, weights in own:
+                for i, weights in _rows(own, len(values)):
                     matrix[i, j] += known.dot(weights)
     return Jacobian(values, matrix, by, results)
 
 
 def _rows(given: Any, count: int) -> list[tuple[int, Any]]:
     """The values that depend on a result, each with its derivatives."""
+    given = {} if given is None else given
     if not isinstance(given, dict) or not all(key in range(count) for key in given):
         raise InputError(
             f"derivatives of observe are {shown(given)}; give for each result a dict by the number of "
@@ -328,9 +321,8 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At, tuple[
         )
     if contact is None and len(answer.names) != 1 and what != "dissipation":
         raise InputError(f"{what}: there are several contacts; name one of {', '.join(answer.names)}")
-    if contact is not None and contact not in answer.names:
-        raise InputError(f"there is no contact {shown(contact)}, only {', '.join(answer.names)}")
-    i, kin, local = answer.names.index(contact or answer.names[0]), answer.kin, answer.local
+    i = 0 if contact is None else Named(answer.contacts, answer.names, "contacts").index_of(contact)
+    kin, local = answer.kin, answer.local
     part = answer.model.interface.point_slices[i]
     heir: At = kin.heir[part] if kin.inherits else part
     m, t, d = part.stop - part.start, kin.tangents, kin.normal.shape[1]
@@ -344,31 +336,24 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At, tuple[
     if what in ("gap", "normal_force"):
         return [(ASKED, what, 1.0)], heir if what == "gap" else part, (m,)
     normal_force = local.normal_force[:, None]
-    maps: Maps
     if what == "pressure":
         per = kin.per_area[:, None]
-        maps = [(ASKED, "normal_force", per), (ASKED, "area", -(per**2) * normal_force)]
-        return maps, heir, (m,)
+        return [(ASKED, "normal_force", per), (ASKED, "area", -(per**2) * normal_force)], heir, (m,)
     if what == "slip":
         if not answer.model.interface.slipping[part].any():
             raise InputError(
                 f"slip of contact {answer.names[i]!r}: without friction nothing tangential is solved "
                 "for, and its slip is no unknown. Take the displacements of the bodies."
             )
-        return [(ASKED, "slipped", _along_tangents(kin, kin.duals))], heir, (m, t)
+        turned = 1.0 if kin.scaled is None else np.einsum("ikd,ild->ilk", kin.duals, kin.tangent)
+        return [(ASKED, "slipped", turned)], heir, (m, t)
     if what == "tangential_force":
-        return [(ASKED, "friction", -_along_tangents(kin, kin.axes))], part, (m, t)
+        turned = 1.0 if kin.scaled is None else np.einsum("ikd,ild->ilk", kin.axes, kin.tangent)
+        return [(ASKED, "friction", -turned)], part, (m, t)
     by_axes = -np.einsum("it,de->idte", local.tangential_force, np.eye(d)).reshape(kin.m, d, -1)
-    maps = [(ASKED, "normal_force", kin.normal[:, :, None]), (ASKED, "normal", normal_force)]
+    maps: Maps = [(ASKED, "normal_force", kin.normal[:, :, None]), (ASKED, "normal", normal_force)]
     maps += [(ASKED, "friction", -kin.axes.swapaxes(1, 2)), (ASKED, "axes", by_axes)]
     return maps, part, (d,)  # force = sum of lambda n - tau . axes
-
-
-def _along_tangents(kin: Kinematics, basis: Array) -> Any:
-    """Components along unit tangents from those along a basis, (m, d-1, d-1), or one number."""
-    if kin.scaled is None:
-        return 1.0
-    return np.asarray(np.einsum("ikd,ild->ilk", basis, kin.tangent))
 
 
 def weights_of(answer: Answer, given: Any) -> Values:

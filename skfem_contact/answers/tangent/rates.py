@@ -27,11 +27,12 @@ States are changed all at once, and one at a time once they repeat, until none c
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
-from scipy.sparse import block_diag, issparse
+from scipy.sparse import block_diag
 
 from skfem_contact.answers.tangent.tangent import Slopes, Tangent, Values, add, mapped_slopes
 from skfem_contact.arrays import Array, lengths, size_of, unit_vectors
@@ -48,20 +49,26 @@ HANDED_ON = "slip", "friction", "reference", "bound", "stretch"
 #: What is added to a name, and the name of what that is a multiple of: by a block at each point, by a
 #: number at each or at all, or by a sparse matrix.
 Maps = list[tuple[str, str, Any]]
+#: Derivatives of an answer by name, and what finds those of displacements, (n,).
+Rates = tuple[Values, Callable[[], Array]]
 
 
 def _before(tangent: Tangent) -> Maps:
-    """What conditions of a linear solve follow from: friction of the law, and what came before."""
+    """What loads and conditions of a linear solve follow from.
+
+    What bodies bear, friction of the law, and what came before.
+    """
     slopes = tangent.slopes
-    maps: Maps = [("anchor", "last slip", 1.0), ("offset", "mapped", slopes.by_map)]
-    if slopes.by_trial.any():
+    maps: Maps = [("f", "borne", -1.0), ("anchor", "last slip", 1.0)]
+    maps.append(("offset", "mapped", slopes.by_map))
+    if np.count_nonzero(slopes.by_trial):
         maps.append(("offset", "last friction", slopes.by_trial))
     if not tangent.rule.steady:
         by_slip = slopes.by_slip
         maps += [("offset", "last slip", by_slip), ("offset", "last reference", -by_slip)]
-    if tangent.bolts:
-        maps.append(("drive", "last stretch", 1.0 * tangent.locked))
-        maps.append(("f", "drive", -tangent.bolts.pulls.T))
+    if bolts := tangent.bolts:
+        maps += [("tension", "borne", bolts.slides), ("drive", "tension", tangent.by_pull)]
+        maps += [("drive", "last stretch", 1.0 * tangent.locked), ("f", "drive", -bolts.pulls.T)]
     return maps
 
 
@@ -83,10 +90,9 @@ def _after(tangent: Tangent, lost: bool) -> Maps:
         maps += [("lost", "bound", half), ("lost", "last bound", half)]
         maps += [("lost", "slip", along), ("lost", "last slip", -along)]
         maps += [("lost", "friction", -given_back), ("lost", "last friction", given_back)]
-    if tangent.bolts:  # those with a force that is given slide
-        k, slides = tangent.bolts.k, np.where(tangent.tightened, -1 / tangent.bolts.k, 0.0)
-        maps += [("pull", "u", tangent.bolts.pulls), ("stretch", "drive", 1.0)]
-        maps += [("stretch", "pull", slides), ("tension", "stretch", k), ("tension", "pull", 1.0)]
+    if bolts := tangent.bolts:
+        maps += [("pull", "u", bolts.pulls), ("tension", "pull", 1.0), ("stretch", "drive", 1.0)]
+        maps += [("stretch", "pull", tangent.by_pull), ("tension", "stretch", bolts.k)]
     return maps
 
 
@@ -99,17 +105,17 @@ def take(maps: Maps, values: Values, back: bool = False) -> Values:
         to, by = (of, out) if back else (out, of)
         if by not in values:
             continue
-        if issparse(block):
-            add(values, to, (block.T if back else block) @ values[by])
-        elif isinstance(block, np.ndarray) and block.ndim == 3:
+        if np.ndim(block) == 3:
             add(values, to, np.einsum("ikl,ik->il" if back else "ikl,il->ik", block, values[by]))
-        else:
+        elif isinstance(block, float | np.ndarray):
             add(values, to, block * values[by])
+        else:
+            add(values, to, (block.T if back else block) @ values[by])
     return values
 
 
-class Rates:
-    """Derivatives of one answer by a number.
+def forward(tangent: Tangent, change: Values, last: Values) -> Rates:
+    """Derivatives of an answer by a number.
 
     Parameters
     ----------
@@ -119,31 +125,12 @@ class Rates:
     last : dict of ndarray
         Values of the answer before, of which those `HANDED_ON` count; none if it does not depend on the
         number.
-
-    Attributes
-    ----------
-    values : dict of ndarray
-        By name.
     """
-
-    def __init__(self, tangent: Tangent, change: Values, last: Values) -> None:
-        begun = {f"last {name}": last[name] for name in HANDED_ON if name in last}
-        self.tangent, self.values = tangent, (values := change | begun)
-        take(_before(tangent), values)
-        self._recover = tangent.solved(values)
-        if tangent.bolts:
-            values["u"] = self.u
-        take(_after(tangent, True), values)
-
-    @cached_property
-    def u(self) -> Array:
-        """Of the displacements of all bodies, (n,)."""
-        return self._recover()
-
-    def dot(self, weights: Values) -> float:
-        """The derivative of a number that depends on the answer by these weights."""
-        own = (self.u if name == "u" else self.values.get(name, 0.0) for name in weights)
-        return sum(float(np.sum(w * by)) for w, by in zip(weights.values(), own, strict=True))
+    values = change | {f"last {name}": last[name] for name in HANDED_ON if name in last}
+    recover = cache(tangent.solved(take(_before(tangent), values)))
+    if tangent.bolts:
+        values["u"] = recover()
+    return take(_after(tangent, True), values), recover
 
 
 def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> tuple[Values, Values]:
@@ -166,7 +153,6 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
     recover = tangent.solved(duals, back=True)
     if loads or tangent.bolts:
         duals["f"] = recover()
-    if loads:
         duals["x"] = _by_supports(tangent, duals)
     take(_before(tangent), duals, back=True)
     return duals, {name[5:]: own for name, own in duals.items() if name.startswith("last ")}
@@ -217,7 +203,7 @@ class Verge:
         self.hardness = np.where(self.touches, resistance.normal, 0.0)
         bound = change["bound"][:, 0] if "bound" in change else 0.0
         self.bound, self.least = np.where(self.turns, 0.0, bound), np.zeros(2)
-        self._read(Rates(tangent, change, last).values)
+        self._read(forward(tangent, change, last)[0])
 
     def rates(self) -> Rates:
         """Change states until none contradicts: all, and the last alone once they repeat (Murty).
@@ -230,7 +216,7 @@ class Verge:
         seen, whole = set[bytes](), True
         for _ in range(MOST_CHANGES * len(self.tangent.kinks)):
             rates = self._solved()
-            self._read(rates.values)
+            self._read(rates[0])
             key = self.open.tobytes() + self.slips.tobytes()
             whole = whole and key not in seen
             if not self._change(whole):
@@ -256,7 +242,7 @@ class Verge:
         if "bound" in change:
             mapped = np.where(self.rubs[:, None], self.bound[:, None] * way, change["mapped"])
             change |= {"bound": change["bound"] * closed[:, None], "mapped": mapped}
-        return Rates(tangent.holding(closed, stick, slopes), change, self.last)
+        return forward(tangent.holding(closed, stick, slopes), change, self.last)
 
     def _read(self, values: Values) -> None:
         """What the points do, and what of it is more than round-off."""

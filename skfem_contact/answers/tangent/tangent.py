@@ -46,7 +46,7 @@ from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.loops.active_set import largest_force
-from skfem_contact.problem.points import Conditions, Response
+from skfem_contact.problem.points import NO_ROW, Conditions
 from skfem_contact.problem.seam import Source, Workspace
 
 #: Derivatives by name, of loads or points: (n,) or (m, width). What is not there is zero.
@@ -143,9 +143,11 @@ class Tangent:
         self.rims = None if answer.placed is None else answer.placed.rims
         self.rule = FrictionRule(interface.laws, local.area, local.reference)
         # bolts in the step: with a force that is given, and with the stretch of the step before
-        self.bolts, tight = None, answer.case.bolts
-        if answer.bolt_names and tight is not None and tight.kept is not None:
-            self.bolts, self.tightened, self.locked = answer.bolts, tight.given, tight.kept
+        self.bolts, bolts, tight = None, answer.bolts, answer.case.bolts
+        if bolts and bolts.names and tight is not None and tight.kept is not None:
+            self.bolts, self.tightened, self.locked = bolts, tight.given, tight.kept
+            # stretch by the pull, of those with a force that is given, which slide
+            self.by_pull = np.where(tight.given, -1.0 / bolts.k, 0.0)
         self.closed, sticks = local.status != OPEN, local.status == STICK
         exact = np.isinf(interface.stiffness)
         self.slips = (local.status == SLIP) & interface.frictional
@@ -194,7 +196,7 @@ class Tangent:
     slope = property(lambda self: self.slopes.by_normal, doc="See the class.")
     spring = property(lambda self: self.slopes.spring, doc="See the class.")
 
-    @cached_property
+    @property
     def conditions(self) -> Conditions:
         """Return what a linear solve holds every point to, with nothing that drives it."""
         still, slopes = np.zeros(self.local.slip.shape), self.slopes
@@ -268,7 +270,7 @@ class Tangent:
     def holding(self, closed: Mask, stick: Mask, slopes: Slopes) -> Tangent:
         """The same with other points closed and stuck, and other friction."""
         new = copy(self)
-        for name in ("bound", "bound_slope", "conditions"):
+        for name in ("bound", "bound_slope"):
             vars(new).pop(name, None)
         vars(new).update(closed=closed, stick=stick, slopes=slopes)
         return new
@@ -306,34 +308,48 @@ class Tangent:
 
     def _forth(self, values: Values) -> Callable[[], Array]:
         """`solved` without rims."""
-        held, (zone, key) = self.conditions, self.zones.fitting(self.conditions, self.local.gap)
+        zone, key = self.zones.fitting(held := self.conditions, self.local.gap)
         anchor, offset = (values.get(name, held.anchor) for name in ("anchor", "offset"))
-        case = self._case(values)
-        load = self.problem.other_load(case)
+        load = self.problem.other_load(case := self._case(values))
         found = zone.solve(replace(held, anchor=anchor, offset=offset), load, key)
         values |= {"gap": found.gap[:, None], "normal_force": found.normal_force[:, None]}
         values |= {"slip": found.slip, "friction": found.tangential_force}
         return lambda: self._recovered(self.problem.source(load, found).values, case)
 
     def _back(self, values: Values) -> Callable[[], Array]:
-        """`solved` backwards, without rims."""
-        (m, t), problem = self.local.slip.shape, self.problem
-        zone, key = self.zones.fitting(self.conditions, self.local.gap)
-        forces, held, given = np.zeros(len(problem.compliance.W)), np.zeros(1), Values()
+        """`solved` backwards, without rims: by reciprocity.
+
+        What a number depends on drives the transposed problem: by normal forces gaps are held open, by
+        friction slips and where springs begin, and by gaps and slips there are forces on them.
+        """
+        (m, t), problem, given = self.local.slip.shape, self.problem, Values()
+        zone, key = self.zones.fitting(held := self.conditions, self.local.gap)
+        moved, fixed = np.zeros(len(problem.compliance.W)), np.zeros(1)
         if "u" in values:
             given["f"] = values["u"]
             load = problem.other_load(self._case(given))
-            forces, held = np.asarray(load.moved), load.prescribed
-        gap, normal_force = (np.ravel(values.get(k, np.zeros(m))) for k in ("gap", "normal_force"))
+            moved, fixed = np.array(load.moved), load.prescribed
+        gap, pulled = (values.get(name, np.zeros((m, 1)))[:, 0] for name in ("gap", "normal_force"))
         slip, friction = (values.get(name, np.zeros((m, t))) for name in ("slip", "friction"))
-        duals = Response(gap, slip, normal_force, friction, forces)
-        values |= zone.adjoint(self.conditions, duals, key)
-        return lambda: self._recovered(problem.G.T @ values["moved"] + held, self._case(given))
+        # where supports prescribe gaps or slips there is no row for them, and of friction the law alone
+        bare, prescribed = problem.tangential_rows < 0, problem.normal_rows < 0
+        by_law = np.where(bare, friction, 0.0)
+        start = problem.on_rows(-pulled - np.einsum("ik,ik->i", held.coupling, by_law), friction)
+        drawn = slip + np.einsum("ikl,ik->il", held.spring, by_law) if held.gives else slip
+        total, since = zone.transposed(held, start, problem.on_rows(gap, drawn), moved, key)
+        by_row = np.concatenate((since, NO_ROW))[problem.tangential_rows]
+        offset = np.where((self.closed & ~self.stick)[:, None], by_law - by_row, 0.0)
+        drawn = slip + np.einsum("ikl,ik->il", held.spring, offset) if held.gives else slip
+        by_row = np.concatenate((total, NO_ROW))
+        slip0 = np.where(bare, drawn, by_row[problem.tangential_rows])
+        values |= {"gap0": np.where(prescribed, gap, by_row[problem.normal_rows])[:, None]}
+        values |= {"slip0": slip0, "anchor": slip - slip0, "offset": offset}
+        return lambda: self._recovered(problem.G.T @ total + fixed, self._case(given))
 
     def _case(self, given: Values) -> LoadCase:
         """Return the load case of changes of the loads f, x, and of gap0 and slip0."""
         n, (m, t) = self.answer.system.n, self.local.slip.shape
-        f, x = (given[name] if name in given else np.zeros(n) for name in "fx")
+        f, x = (given.get(name, np.zeros(n)) for name in "fx")
         gap0, slip0 = given.get("gap0", np.zeros((m, 1))), given.get("slip0", np.zeros((m, t)))
         return LoadCase(f, x, gap0[:, 0], slip0, np.zeros(m), ())
 
@@ -358,21 +374,18 @@ class Tangent:
         return held_rows(self.answer.kin, self.closed, self.stick)
 
     @cached_property
-    def _free(self) -> tuple[AffineConstraint, AffineConstraint]:
-        return left_free(self.answer, self.closed, self.stick, self.slope)
-
-    @property
     def T(self) -> csr_matrix:
         """Rates of u that `rows` and supports leave free, ``u = T u_r``, (n, r)."""
-        return self._free[0].T
+        return left_free(self.answer, self.closed, self.stick).T
 
-    @property
+    @cached_property
     def W(self) -> csr_matrix:
         """Virtual displacements on which contact forces do no work, friction included, (n, r).
 
         Of as many columns as `T`, and T itself where no friction follows the pressure.
         """
-        return self._free[1].T
+        follows = np.any(self.slope)
+        return left_free(self.answer, self.closed, self.stick, self.slope).T if follows else self.T
 
     @property
     def K_r(self) -> csr_matrix:
@@ -401,20 +414,13 @@ def held_rows(kin: Kinematics, closed: Mask, stick: Mask, slope: ArrayLike = 0.0
     return csr_matrix(vstack([normal[closed], kin.B_t[np.repeat(stick, kin.tangents)]]))
 
 
-def left_free(
-    posed: Any, closed: Mask, stick: Mask, slope: ArrayLike = 0.0
-) -> tuple[AffineConstraint, AffineConstraint]:
-    """Displacements that `held_rows` and supports leave free, and virtual ones that forces do not.
+def left_free(posed: Any, closed: Mask, stick: Mask, slope: ArrayLike = 0.0) -> AffineConstraint:
+    """Displacements that `held_rows` and supports leave free, of an answer or a solver.
 
-    Of an answer or a solver. The same object where no friction follows the pressure.
+    With the slope virtual ones, on which contact forces do no work.
     """
-
-    def free(slope: ArrayLike) -> AffineConstraint:
-        rows, system = held_rows(posed.kin, closed, stick, slope), posed.system
-        return eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n))
-
-    trial = free(0.0)
-    return trial, free(slope) if np.any(slope) else trial
+    rows, system = held_rows(posed.kin, closed, stick, slope), posed.system
+    return eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n))
 
 
 def refuse(answer: Answer) -> None:
@@ -425,6 +431,7 @@ def refuse(answer: Answer) -> None:
     InputError
     """
     model, interface = answer.model, answer.model.interface
+    wears = bool(interface.wear) or bool(np.count_nonzero(answer.state.wear))
     remembers = [getattr(body, "initial_state", None) for body in model.system.bodies]
     bare = [
         f"{type(own.law).__name__} of contact '{own.contact}'"
@@ -435,9 +442,7 @@ def refuse(answer: Answer) -> None:
         "it did not converge ({answer.message})": not answer.converged,
         'contact slides far (sliding="finite"): how its pairing changes is not differentiated. Where '
         'slips are short, sliding="small" has derivatives': model.geometry.follows,
-        "surfaces wear: the depth worn off is not differentiated. Leave wear out of the contact": (
-            bool(interface.wear) or answer.state.wear.any()
-        ),
+        "surfaces wear: the depth worn off is not differentiated. Leave wear out of the contact": wears,
         "its load step was cut into {answer.parts} parts, whose states are not kept. Give the history "
         "smaller steps": answer.parts > 1,
         "conditions of its points depend on each other, so that forces are not unique. Let contacts "
