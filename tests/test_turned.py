@@ -98,13 +98,40 @@ def test_glue_that_stretches_what_turns_is_told() -> None:
     assert any("'glue'" in text and text.count("sliding='finite'") == 1 for text in words)
 
 
-def tilted(angle: float) -> Any:
+@pytest.mark.parametrize("mu", [0.01, 0.2])
+def test_a_linear_roller_leaves_out_what_is_told_with_small_sliding(mu: float) -> None:
+    """Its points turn away from where it touches the floor, with their forces: N times their way."""
+    roller = sc.Body.from_mesh(
+        ring(3, RADIUS, 3, 60, 0.0), QUADS, sc.Elastic(210e3, 0.3), name="roller"
+    )
+    core = sc.RigidBody(
+        sc.RigidCylinder((0, 0), 3), force=(0, -FORCE), D=("x", "rotation"), name="core"
+    )
+    floor = sc.RigidPlane((0, -RADIUS), (0, 1))
+    contacts = [
+        sc.Contact(roller.surface("in"), core, tied=True, name="glue"),
+        sc.Contact(roller.surface("out"), floor, friction=sc.Coulomb(mu), name="foot"),
+    ]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        steps = [{"x": {"core": {"rotation": a}}} for a in (0.0, 0.01)]
+        *_, last = sc.ContactSolver([roller, core], contacts).history(steps)
+    assert np.all(last["foot"].status != 1)
+    passed, torque = last.reaction("core")[2], mu * FORCE * RADIUS
+    share = last.validity.second_order["roller"]
+    # what the glue holds: its middle is off the core's by the deformation
+    assert_allclose(passed / torque - 1, share, rtol=0.02)
+    told = any("'roller' is linear and has turned" in str(w.message) for w in caught)
+    assert told == (share > 0.1) == (mu < 0.1)
+
+
+def tilted(angle: float, sliding: str = "finite") -> Any:
     """A block that supports press on a plane by a thousandth, both turned by an angle."""
     mesh = fem.MeshQuad.init_tensor(*2 * [np.linspace(0, 1, 5)]).with_defaults()
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     block = sc.Body.from_mesh(mesh, QUADS, sc.Elastic(1e3, 0.0), D="top", name="block")
     floor = sc.RigidPlane((0, 0), (0, 1), name="floor")
-    contact = sc.Contact(block.surface("bottom"), floor, sliding="finite")
+    contact = sc.Contact(block.surface("bottom"), floor, sliding=sliding)
     moved = (turn - np.eye(2)) @ mesh.p + turn @ [[0.0], [-1e-3]]
     x = block.basis.zeros()
     x[block.basis.nodal_dofs] = moved

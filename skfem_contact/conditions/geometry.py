@@ -79,8 +79,9 @@ class Geometry:
         counts = [part.m for part in self._first]
         self.finite = np.repeat([contact.sliding == "finite" for contact in contacts], counts)
         self.follows = bool(self.finite.any())  # whether any contact slides far
-        # points that meet something else where they slide to: a plane is the same all along the way
-        self.changing = self.finite & ~np.repeat([_on_plane(contact) for contact in contacts], counts)
+        # points that meet the same wherever they slide to: a plane; and those that do not
+        self.on_plane = np.repeat([_on_plane(contact) for contact in contacts], counts)
+        self.changing = self.finite & ~self.on_plane
         stretches = [getattr(contact.secondary.body, "finite_strain", False) for contact in contacts]
         self.stretches = self.finite & np.repeat(stretches, counts)  # points whose areas change
         self.surface_dofs = surface_dofs(system, contacts)

@@ -172,12 +172,18 @@ class Watch:
             for m in [motions[b]]
         }
         stretches = {name: off[b] for name, b in self.turning.items()}
-        stretches |= {name: support.fitted(u)[1] for name, support in self.floating.items()}
-        shares = known.leaning
+        floating = {name: support.fitted(u) for name, support in self.floating.items()}
+        stretches |= {name: stretch for name, (_, stretch) in floating.items()}
         if len(result.state.surface):  # of what slides far
-            far = surface_turns(self.system, self.contacts, result.state.surface)
-            turns |= rigid_rotations(far)
-            shares = shares | turned(result, far, self.supports, [d.approach for d in drifts])
+            moved = surface_turns(self.system, self.contacts, result.state.surface)
+            turns |= rigid_rotations(moved)
+        else:
+            rigid = {name: (self.supports[b], motions[b]) for name, b in self.turning.items()}
+            rigid |= {name: (self.floating[name], motion) for name, (motion, _) in floating.items()}
+            moved = {n: by.turn(motion) for n, (by, motion) in rigid.items() if by.turns(motion)}
+        shares = known.leaning
+        if moved:
+            shares = shares | turned(result, moved, self.supports, [d.approach for d in drifts])
         undetected = {
             i: text
             for i, (track, drift) in enumerate(zip(self.tracks, drifts, strict=True))

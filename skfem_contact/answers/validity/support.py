@@ -1,9 +1,10 @@
 r"""Rigid motions of bodies, by what is known of them, and how far they give under contact.
 
-*Turns*, and what linear bodies leave out that turn and slide far.
+*Turns*, and what linear bodies leave out that turn.
 
-With finite sliding frames of contact points turn with the surfaces and forces act where points are; the
-linear bodies do not turn. Under forces f at arms a, what has turned by R
+Forces act where points are; linear bodies do not turn, and have the arms of the undeformed place. With
+finite sliding frames of contact points turn with the surfaces. Under forces f at arms a, what has
+turned by R
 
 * is out of balance by the moment of ``(R a - a) x f``. A pin under a force N has N times its radius
   times its angle, beside a torque of friction of mu N times its radius. It is told over the most that
@@ -31,7 +32,9 @@ from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction_rule import friction_bound
 from skfem_contact.conditions.geometry import surface_dofs
+from skfem_contact.conditions.state import STICK
 from skfem_contact.digits import SOLVED
+from skfem_contact.obstacles.obstacle import rotation_matrix
 from skfem_contact.pairing.node import Pairing
 from skfem_contact.records import dataclass
 from skfem_contact.trees import Tree
@@ -39,6 +42,9 @@ from skfem_contact.trees import Tree
 #: Singular values of unit motions at the prescribed DOFs below which these hold no motion: a support
 #: a thousandth as wide as the body says nothing about its turn.
 SUPPORTED = 1e-3
+
+#: A rotation (d, d), a point (d,), and where that has come.
+Turn = tuple[Array, Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +120,16 @@ class Support:
     def motion(self, x: Array) -> Array:
         """The motion under prescribed values x (n,), shape (r,)."""
         return np.asarray(self.fit @ x[self.dofs])
+
+    def turns(self, motion: Array) -> bool:
+        """Return whether a motion turns the body by so much that friction may feel it."""
+        return float(np.linalg.norm(motion[len(self.centre) :])) > A_TENTH**3 * self.arm
+
+    def turn(self, motion: Array) -> Turn:
+        """The rotation of a motion, its centre, and where that has come."""
+        d = len(self.centre)
+        angle = motion[d:] / self.arm
+        return rotation_matrix(angle if d == 3 else angle[0]), self.centre, self.centre + motion[:d]
 
     def at(self, points: Array, motion: Array) -> Array:
         """Displacements of points (m, d) by a motion, shape (m, d)."""
@@ -244,9 +260,6 @@ def with_elastic_approach(
 
 # -- turns ----------------------------------------------------------------------------------------
 
-#: A rotation (d, d), a point (d,), and where that has come.
-Turn = tuple[Array, Array, Array]
-
 
 def rigid_rotations(turns: Mapping[str, Turn]) -> dict[str, float]:
     """Mean rotation of the surfaces that slide far, by body name [rad], counterclockwise.
@@ -315,10 +328,8 @@ def turned(
     approaches : sequence of float
         Of all contacts, elastic ones at least [length].
     """
-    system, kin, local = result.system, result.kin, result.local
-    far, shares = result.model.geometry.finite, {}
-    normal, along = np.where(far, local.normal_force, 0.0), local.tangential_force * far[:, None]
-    f = point_forces(kin, replace(local, normal_force=normal, tangential_force=along))
+    system, shares = result.system, {}
+    f, on_grown = _forces(result, _moved(result)), _forces(result, _measured(result))
     for name, (turn, old, new) in turns.items():
         body, support = system.solids[name], supports[system.index(name)]
         if body.finite_strain:
@@ -328,12 +339,12 @@ def turned(
         left, whole = 0.0, 0.0
         if support.free.shape[1]:
             force = _on_nodes(body, (f + result.load)[system.slice(body)])
-            centre = _held_at(body, result.contacts, force)
+            centre = _held_at(result, body, force)
             if centre is not None:
                 left = _missing_moment(force, body.dof_points - centre, turn, support)
                 whole = _most_friction(result, own, new + turn @ (centre - old))
         else:
-            force = _on_nodes(body, f[system.slice(body)])
+            force = _on_nodes(body, on_grown[system.slice(body)])
             grown = turn.T - 0.5 * (turn + turn.T) @ turn.T
             arm = body.dof_points - body.dof_points[body.D].mean(axis=0)
             left = abs(float(np.sum(arm @ grown * force)))
@@ -348,12 +359,41 @@ def _on_nodes(body: Body, f: Array) -> Array:
     return np.asarray(np.eye(body.dim)[body.dof_component] * f[:, None])
 
 
-def _held_at(body: Body, contacts: Sequence[Contact], force: Array) -> Array | None:
+def _moved(result: Answer) -> Mask:
+    """Points whose forces act where they have moved to, (m,).
+
+    Of contacts that slide far; where none does, of those that slip all over, so that their friction is
+    what holds a body against turning.
+    """
+    if result.model.geometry.follows:
+        return result.model.geometry.finite
+    sticks, moved = result.state.status == STICK, ~result.model.interface.tied
+    for part in result.slices():
+        moved[part] &= not sticks[part].any()
+    return np.asarray(moved)
+
+
+def _measured(result: Answer) -> Mask:
+    """Points whose gaps are those of the deformed bodies, which see what grows in a turn, (m,)."""
+    geometry = result.model.geometry
+    return np.asarray(geometry.finite | geometry.on_plane & ~result.model.interface.tied)
+
+
+def _forces(result: Answer, at: Mask) -> Array:
+    """The forces of some points (m,) on the bodies, (n,) [force]."""
+    local = result.local
+    normal, along = np.where(at, local.normal_force, 0.0), local.tangential_force * at[:, None]
+    return point_forces(result.kin, replace(local, normal_force=normal, tangential_force=along))
+
+
+def _held_at(result: Answer, body: Body, force: Array) -> Array | None:
     """Where what is not among the forces (n, d) on a body holds it, by which moments are taken.
 
-    Supports and contact with small sliding; None where springs in K do, whose place is not known.
+    Supports and other contacts; None where springs in K do, whose place is not known.
     """
-    sides = [s for c in contacts if c.sliding == "small" for s in (c.secondary, c.primary)]
+    moved, parts = _moved(result), result.slices()
+    others = [c for c, part in zip(result.contacts, parts, strict=True) if not moved[part].any()]
+    sides = [s for c in others for s in (c.secondary, c.primary)]
     held = [s.points for s in sides if isinstance(s, ContactSurface) and s.body is body]
     held.append(body.dof_points[body.D])
     if sum(map(len, held)):
@@ -371,9 +411,8 @@ def _missing_moment(force: Array, arm: Array, turn: Array, support: Support) -> 
 
 
 def _most_friction(result: Answer, own: Sequence[int], centre: Array) -> float:
-    """The largest moments of friction about a point in contacts that slide far, added up."""
-    bound = friction_bound(result.model.interface.laws, result.local)
-    bound = np.where(result.model.geometry.finite, bound, 0.0)
+    """The largest moments of friction about a point in contacts whose points move, added up."""
+    bound = np.where(_moved(result), friction_bound(result.model.interface.laws, result.local), 0.0)
     arms, parts = np.linalg.norm(result.kin.points - centre, axis=1), result.slices()
     return sum(float(bound[parts[i]] @ arms[parts[i]]) for i in own)
 
@@ -410,7 +449,7 @@ def leaning(
 def _turned_words(name: str, share: float) -> str:
     return (
         f"Body {name!r} is linear and has turned: its stiffness has the arms of the undeformed body "
-        "and takes the turn for a strain, while contact with sliding='finite' acts where points are. "
+        "and takes the turn for a strain, while contact acts where points are. "
         f"What this leaves out is {100 * share:.3g} % of the moment that friction can hold, or, where "
         "supports turn the body, of what presses it; torques and forces may be off by as much. Take a "
         "NonlinearBody, with sliding='finite' in all contacts that turn with it, glue too; or a "
