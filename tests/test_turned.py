@@ -102,7 +102,7 @@ def test_glue_that_stretches_what_turns_is_told() -> None:
 def test_a_linear_roller_leaves_out_what_is_told_with_small_sliding(mu: float) -> None:
     """Its points turn away from where it touches the floor, with their forces: N times their way."""
     roller = sc.Body.from_mesh(
-        ring(3, RADIUS, 3, 60, 0.0), QUADS, sc.Elastic(210e3, 0.3), name="roller"
+        ring(3, RADIUS, 1, 1440), QUADS, sc.Elastic(210e3, 0.3), name="roller"
     )
     core = sc.RigidBody(
         sc.RigidCylinder((0, 0), 3), force=(0, -FORCE), D=("x", "rotation"), name="core"
@@ -119,8 +119,8 @@ def test_a_linear_roller_leaves_out_what_is_told_with_small_sliding(mu: float) -
     assert np.all(last["foot"].status != 1)
     passed, torque = last.reaction("core")[2], mu * FORCE * RADIUS
     share = last.validity.second_order["roller"]
-    # what the glue holds: its middle is off the core's by the deformation
-    assert_allclose(passed / torque - 1, share, rtol=0.02)
+    # contact begins and ends within facets of 0.035, on a way of 0.08
+    assert_allclose(passed / torque - 1, share, rtol=0.1)
     told = any("'roller' is linear and has turned" in str(w.message) for w in caught)
     assert told == (share > 0.1) == (mu < 0.1)
 
