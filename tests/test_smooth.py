@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
@@ -11,6 +12,8 @@ from quick_elasticity import linear_elasticity
 import skfem_contact as sc
 from skfem_contact.conditions.kinematics import kinematics
 from skfem_contact.pairing import dual_mortar, gap_vectors, node_to_segment
+
+straight_words = internals.original("answers.straight_words")
 
 
 def body(outline, *, element=None, shrunk=0.5, name="body"):
@@ -68,6 +71,29 @@ def test_what_is_no_curve():
     assert not slopes(arc(5)).any()
     assert not slopes(arc(20), element=fem.ElementQuad2()).any()
     assert slopes(arc(20)).any()
+
+
+def test_facets_of_second_order_that_stand_straight_for_a_curve():
+    """An arc does; flats, chamfers, coarse polygons and facets of first order do not."""
+
+    def words(points, element=None):
+        return straight_words(body(points, element=element or fem.ElementQuad2()).surface("face"))
+
+    x = np.linspace(1.0, -1.0, 9)
+    assert "body/face" in words(arc(20)) and "move their middle nodes" in words(arc(20, graded=True))
+    for points in (
+        np.stack([x, 1 + 0 * x], axis=1),
+        np.stack([x, 1 - 0.1 * np.abs(x)], axis=1),
+        arc(5),
+    ):
+        assert words(points) == ""
+    assert words(arc(20), fem.ElementQuad1()) == ""
+    # a flat that passes into an arc is not the curve
+    after = np.stack([-np.linspace(0.1, 1, 10), np.ones(10)], axis=1)
+    both = body(np.concatenate([arc(20, start=0.5, stop=np.pi / 2), after]), element=fem.ElementQuad2())
+    flat = np.flatnonzero(both.surface("face").facet_normals[:, 1] > 1 - 1e-12)
+    assert len(flat) == 10 and straight_words(both.surface("face"), flat) == ""
+    assert straight_words(both.surface("face")) != ""
 
 
 @pytest.mark.parametrize("start", [0.0, 0.3, 1.1, 2.0])

@@ -28,7 +28,7 @@ compliance. Elements within half a contact width of the contact count in full; f
 square of the distance: what they do wrong reaches the contact as a field that varies little over it.
 
 An answer is not rated, and its total NaN, where one of them is not known: `chords` of second-order
-faces that stand straight for a curve, `scatter` where all points are near ends of the surface; and
+facets that stand straight for a curve, `scatter` where all points are near ends of the surface; and
 where a body locks (`validity.strain`), since its answer shows nothing of that error.
 
 What no answer shows of itself is not in it: what else curved bodies lose with straight facets, load
@@ -46,6 +46,7 @@ from skfem.element import DiscreteField
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.surface_error import Net, SurfaceError, chords_error, net_of
+from skfem_contact.answers.validity.chords import straight_words
 from skfem_contact.answers.validity.strain import lockable, locked
 from skfem_contact.answers.validity.validity import A_TENTH, LOCKED
 from skfem_contact.answers.values import ContactValues, Elements, ErrorEstimate, ErrorSources
@@ -80,11 +81,9 @@ def _unrated(result: Answer, values: ContactValues, found: ErrorEstimate) -> str
         name = result.system.names[result.system.index(side.body)]
         if name in lockable(result) and locked(result, name) > LOCKED:
             return f"body {name!r} locks (result.validity), and its answer shows little of that error"
-        if side.dim == 3 and _straight(side):
-            return (
-                f"second-order faces of {side.label!r} stand straight for a curve; move their middle "
-                "nodes to it, or take linear elements"
-            )
+        straight = straight_words(side, _pressed(result, values, side))
+        if straight:
+            return straight
     if "scatter" in found.traction.missing:
         return (
             "all points are near an end of the surface, and none tells how values scatter from node to "
@@ -140,9 +139,11 @@ def _between_nodes(result: Answer, values: ContactValues, contact: Contact) -> b
     return bool(most > own * body.components)
 
 
-def _straight(side: ContactSurface) -> bool:
-    """Return whether second-order faces of a curved side have their middle nodes on straight edges."""
-    return bool(side.quadratic and np.any(side.quadrics.curved & ~side.quadrics.bowed))
+def _pressed(result: Answer, values: ContactValues, side: ContactSurface) -> Index:
+    """Facets of a side with a node that presses or is pressed."""
+    part = result.slices()[result.names.index(values.name)]
+    forces = (result.kin.B_n[part].T @ values.normal_force)[result.system.slice(side.body)]
+    return np.flatnonzero(forces[side.dofs].any(axis=1)[side.facets].any(axis=1))
 
 
 def _advice(

@@ -12,6 +12,7 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.result import ContactResult
+from skfem_contact.answers.validity.chords import straight_words
 from skfem_contact.answers.values import status_words
 from skfem_contact.arrays import Index
 from skfem_contact.bodies.body import Body
@@ -77,6 +78,7 @@ def dry_run(solver: Solver) -> str:
         lines.append(f"  {_model_words(contact)}")
         lines += [f"  {line}" for line in _spring_words(solver, contact, part)]
         lines += [f"  {line}" for line in _gap_words(solver, contact, pairing, part)]
+        lines += [f"  {line}" for line in _straight_words(contact)]
         sides = pairing, contact.secondary, contact.primary, contact.method_name
         # glue holds what is together in the undeformed meshes
         follows = contact.sliding == "finite" and not contact.bilateral
@@ -144,6 +146,11 @@ def _model_words(contact: Contact) -> str:
     if contact.wear is not None:
         law += f"; wear {contact.wear!r} of {contact.secondary.label}"
     return f"method {method}; {law}"
+
+
+def _straight_words(contact: Contact) -> list[str]:
+    sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
+    return [words for words in map(straight_words, sides) if words]
 
 
 def _spring_words(solver: Solver, contact: Contact, part: slice) -> list[str]:

@@ -259,12 +259,14 @@ def slipping(forward: Array, backward: Array, sigma: Array) -> Mask:
 
     Where both parts act the friction is below its bound, and the point sticks: its slip is zero. A
     solution has them to round-off, and the one that is nearer to zero, over what there is, is zero.
+    What pivots have lost may be far below zero, and counts as zero.
 
-    >>> forward, backward = np.array([1.0, 0.8, 1.0]), np.array([0.0, 0.2, 1e-17])
-    >>> slipping(forward, backward, np.array([1e-9, 1e-25, 2e-9])).tolist()
-    [True, False, True]
+    >>> forward, backward = np.array([1.0, 0.8, 1.0, 0.0]), np.array([0.0, 0.2, 1e-17, -20.0])
+    >>> slipping(forward, backward, np.array([1e-9, 1e-25, 2e-9, 1e-9])).tolist()
+    [True, False, True, True]
     """
     tiny = np.finfo(float).tiny
-    both = np.minimum(forward, backward) / np.maximum(forward + backward, tiny)
+    least = np.maximum(np.minimum(forward, backward), 0.0)
+    both = least / np.maximum(forward + backward, tiny)
     far = np.maximum(sigma, 0.0) / max(np.max(sigma, initial=0.0), tiny)
     return np.asarray((sigma > 0) & (both <= far))

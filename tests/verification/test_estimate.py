@@ -159,6 +159,32 @@ def test_nothing_touches():
     assert "estimated" not in result.report()
 
 
+@pytest.mark.parametrize("curved", [False, True])
+@pytest.mark.parametrize("flat", [False, True])
+def test_straight_edges_of_curved_sides(curved, flat):
+    """Of second order they are not rated where they press, and the dry run says so beforehand."""
+    mesh = fem.MeshTri.init_circle(4)
+    mesh = mesh.restrict(mesh.elements_satisfying(lambda x: x[1] > 0))
+    facets = mesh.boundary_facets()  # the whole outline, of which the round or the flat side presses
+    if curved:
+        bent = fem.MeshTri2.from_mesh(mesh)
+        points, middle = bent.doflocs.copy(), bent.dofs.facet_dofs[0, facets]
+        middle = middle[points[1, middle] > 1e-9]
+        points[:, middle] /= np.hypot(*points[:, middle])
+        mesh = fem.MeshTri2(points, bent.t)
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementTriP2()))
+    held = basis.get_dofs((lambda x: x[1] > 0.8) if flat else (lambda x: x[1] < 1e-9))
+    disc = sc.Body(basis, sc.Elastic(1e3, 0.3), D=held, name="disc")
+    floor = sc.RigidPlane((0, 0), (0, 1)) if flat else sc.RigidPlane((0, 1), (0, -1))
+    contact = sc.Contact(disc.surface(facets, name="outline"), floor, name="joint")
+    solver = sc.ContactSolver(disc, contact)
+    (result,) = solver.history([{"motion": {"joint": (0, 0.03 if flat else -0.05)}}])
+    estimate, rated = result.error_estimate, curved or flat
+    assert np.isfinite(estimate.pressure.total) == rated == (not estimate.unrated)
+    assert np.sum(result.pressure > 0) > 8
+    assert ("'disc/outline' stand straight for a curve" in str(solver)) is not curved
+
+
 def advice(result):
     return result.error_estimate.advice
 

@@ -43,7 +43,7 @@ from skfem_contact.answers.validity.deformed_boundaries import PIECES
 from skfem_contact.answers.validity.validity import A_TENTH
 from skfem_contact.arrays import Array, Index, Mask, dot
 from skfem_contact.bodies.facet_kinds import FacetKind
-from skfem_contact.bodies.normal_field import of_curves
+from skfem_contact.bodies.normal_field import BENT, of_curves
 from skfem_contact.bodies.quadrics import bowed_facets
 from skfem_contact.bodies.surface import ContactSurface, NoBody
 from skfem_contact.digits import COMPUTED, GIVEN
@@ -127,6 +127,29 @@ def drawn_off(surface: ContactSurface) -> float:
         curved = bowed_facets(surface.points, surface.facets, kind)
         height = np.where(curved, off / parts**2, straight)
     return float(np.max(height))
+
+
+def straight_words(surface: ContactSurface, some: Index | slice = EVERY) -> str:
+    """Whether some second-order facets stand straight for a curve, in words; empty where none does.
+
+    They press on their corners and not on their middles, and pressures alternate from one to the other.
+    """
+    side = surface.original
+    if not side.quadratic or not _straight(side)[some].any():
+        return ""
+    return (
+        f"second-order facets of {side.label!r} stand straight for a curve, and pressures alternate; "
+        "move their middle nodes to it, or take linear elements"
+    )
+
+
+def _straight(side: ContactSurface) -> Mask:
+    """Second-order facets of a curve whose middle nodes are on straight edges, (nf,)."""
+    if side.dim == 3:
+        return np.asarray(side.quadrics.curved & ~side.quadrics.bowed)
+    bend, edges = bends(side, halves=False)
+    turns = bend[:, 0, 0] * np.linalg.norm(edges[:, 0], axis=1)
+    return np.asarray((np.abs(turns) > BENT) & ~bowed_facets(side.points, side.facets, side.kind))
 
 
 def _rise(edges: Array, bend: Array) -> Array:
