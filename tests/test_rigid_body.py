@@ -142,6 +142,17 @@ def test_steps_name_loads_and_motions():
     assert_allclose(other.force, [0, -0.02], atol=1e-15)
 
 
+def test_moments_of_what_holds_a_rigid_body():
+    """About its own point that of its reaction, about others with the moment of the force there."""
+    result = pressed(D=("x", "rotation"), moment=0.05).solve()
+    force, moment = np.split(result.reaction("die"), [2])
+    assert_allclose(result.reaction_moment("die", about=(0.5, 1.0)), moment[0], rtol=1e-13)
+    there = moment[0] - 0.5 * force[1] + 3.0 * force[0]
+    assert_allclose(result.reaction_moment("die", about=(1.0, 4.0)), there, rtol=1e-13)
+    with pytest.raises(sc.errors.InputError, match="rigid body 'die' has no boundary 'top'"):
+        result.reaction_moment("die", "top")
+
+
 def test_loads_that_a_step_does_not_name_stay():
     """A moment that comes after the force, by its name, leaves the force as it is."""
     solver = pressed(D=("x", "rotation"), moment=0.05)
