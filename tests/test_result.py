@@ -13,6 +13,7 @@ import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
+from skfem.models.poisson import laplace
 
 import skfem_contact as sc
 from skfem_contact.answers import answer_of
@@ -345,6 +346,27 @@ def test_moments_of_supports_of_one_component():
     result = bar(PLATE, fem.ElementQuad1(), D=held, f={"right": (0, -0.01)}).solve()
     assert_allclose(result.reaction("bar"), [0.0, 0.01], atol=1e-13)
     assert_allclose(result.reaction_moment("bar"), 0.04, rtol=1e-10)
+
+
+def test_flows_have_no_moment():
+    """A scalar field has reactions, which are flows, and no moments."""
+    low, up = (
+        sc.Body(
+            fem.Basis(fem.MeshQuad().translated((0, y)).with_defaults(), fem.ElementQuad1()),
+            laplace,
+            D=D,
+            x=fem.Basis(fem.MeshQuad(), fem.ElementQuad1()).zeros() + y,
+            name=D,
+        )
+        for y, D in ((0, "bottom"), (1, "top"))
+    )
+    joint = sc.Contact(up.surface("bottom"), low.surface("top"), tied=True)
+    result = sc.ContactSolver([low, up], joint).solve()
+    assert_allclose(result.reaction("top"), [0.5], rtol=1e-12)
+    with pytest.raises(
+        sc.errors.InputError, match="body 'top' has a scalar field: flows have no moment"
+    ):
+        result.reaction_moment("top")
 
 
 def test_supports_of_large_strains_bear_their_moment_where_they_are():
