@@ -7,6 +7,7 @@ import sys
 from dataclasses import replace
 from functools import partial
 
+import internals
 import numpy as np
 import pytest
 import rectangles
@@ -596,6 +597,21 @@ def test_no_convergence_is_an_error_that_carries_its_state():
     kept = solver.solve(throw=False)
     assert not kept.converged and "no convergence" in kept.message
     assert str(kept).startswith("Contact result: no convergence")
+
+
+def test_without_friction_no_word_of_it_is_said(monkeypatch):
+    """What is not found then is for want of digits: a load has one answer."""
+    starts = internals.original("loops.STARTS")
+    internals.replace(
+        monkeypatch, "loops.STARTS", [start for start in starts if start in ("warm", "cold")]
+    )
+    table, punch = block("table", y=(-1.0, 0.0), D="bottom"), block("punch", D="top", move=(0.0, -0.01))
+    gap = {"gap": lambda x: 0.02 * (x[0] - 0.5) ** 2}  # some points have to open again
+    contact = sc.Contact(punch.surface("bottom"), table.surface("top"), **gap)
+    options = sc.Options(max_iterations=1, max_cuts=0)
+    with pytest.raises(sc.errors.NotConverged, match=r"law of contact is violated.* digits") as raised:
+        sc.ContactSolver([table, punch], contact, options=options).solve()
+    assert "friction can hold" not in str(raised.value) and "mu times" not in str(raised.value)
 
 
 def test_progress_needs_tqdm(monkeypatch):

@@ -13,6 +13,7 @@ import skfem as fem
 from numpy.testing import assert_allclose, assert_array_equal
 from quick_elasticity import linear_elasticity
 from skfem.models.elasticity import lame_parameters
+from skfem.models.poisson import laplace
 
 import skfem_contact as sc
 from skfem_contact.answers import answer_of
@@ -290,6 +291,106 @@ def test_reactions_leave_contact_forces_out():
     assert_allclose(total, 0.0, rtol=0, atol=1e-14)
     below = result.reaction("block", "bottom")
     assert_allclose(below, [-result.force[0] - result.reaction("block", "top")[0], 0.0], atol=1e-14)
+
+
+def bar(mesh, element, kind=sc.Body, law=None, **data):
+    """A bar along x, and a plane far below that it never meets: nothing but loads and supports."""
+    basis = fem.Basis(mesh.with_defaults(), fem.ElementVector(element), intorder=2 * element.maxdeg)
+    body = kind(basis, law or sc.Elastic(1e3, 0.3), name="bar", **data)
+    below = np.eye(mesh.dim())[1]
+    return sc.ContactSolver(body, sc.Contact(body.surface("bottom"), sc.RigidPlane(-9 * below, below)))
+
+
+PLATE = fem.MeshQuad.init_tensor(np.linspace(0, 4, 9), np.linspace(0, 1, 4))
+BAR = fem.MeshHex.init_tensor(np.linspace(0, 4, 7), np.linspace(0, 1, 3), np.linspace(0, 2, 3))
+
+
+@pytest.mark.parametrize(
+    ("mesh", "element", "total", "centre", "about"),
+    [
+        (PLATE, fem.ElementQuad1(), (0.02, -0.01), (4, 0.5), (3.0, -1.0)),
+        (PLATE.translated((1, 2)), fem.ElementQuad2(), (0.02, -0.01), (5, 2.5), (3.0, -1.0)),
+        (BAR, fem.ElementHex1(), (0.02, -0.01, 0.005), (4, 0.5, 1), (3.0, -1.0, 2.0)),
+        (BAR, fem.ElementHex2(), (0.02, -0.01, 0.005), (4, 0.5, 1), (3.0, -1.0, 2.0)),
+    ],
+)
+def test_the_moment_of_a_wall_is_that_of_the_load_on_a_cantilever(mesh, element, total, centre, about):
+    """A load at the centre of the free end, whatever the body: statics alone tells the moment."""
+    area = 1.0 if mesh.dim() == 2 else 2.0
+    load = {"right": tuple(np.array(total) / area)}
+    result = bar(mesh, element, D="left", f=load).solve()
+    for point in (None, about):
+        arm = np.array(centre, dtype=float) - (0.0 if point is None else point)
+        if mesh.dim() == 2:
+            expected = -(arm[0] * total[1] - arm[1] * total[0])
+        else:
+            expected = -np.cross(arm, total)
+        for boundary in (None, "left"):
+            found = result.reaction_moment("bar", boundary, about=point)
+            assert np.shape(found) == np.shape(expected)
+            assert_allclose(found, expected, rtol=0, atol=1e-11)
+    with pytest.raises(
+        sc.errors.InputError, match=r"about has shape .*; give a point of \d coordinates"
+    ):
+        result.reaction_moment("bar", "left", about=(1.0,))
+    with pytest.raises(sc.errors.InputError, match=r"reaction of body 'bar': .* did you mean 'left'"):
+        result.reaction_moment("bar", "lift")
+    with pytest.raises(sc.errors.UnknownKeyword, match="has no argument 'at'"):
+        result.reaction_moment("bar", "left", at=(0, 0))
+
+
+def test_moments_of_supports_of_one_component():
+    """A bar on a sliding edge and a pin, pushed down at its end: forces are 4 and -3 times the load."""
+    pin = {"left": "x"}
+    held = lambda basis: [pin, basis.nodal_dofs[1, PLATE.nodes_satisfying(lambda x: x[0] < 1.1)]]  # noqa: E731
+    result = bar(PLATE, fem.ElementQuad1(), D=held, f={"right": (0, -0.01)}).solve()
+    assert_allclose(result.reaction("bar"), [0.0, 0.01], atol=1e-13)
+    assert_allclose(result.reaction_moment("bar"), 0.04, rtol=1e-10)
+
+
+def test_flows_have_no_moment():
+    """A scalar field has reactions, which are flows, and no moments."""
+    low, up = (
+        sc.Body(
+            fem.Basis(fem.MeshQuad().translated((0, y)).with_defaults(), fem.ElementQuad1()),
+            laplace,
+            D=D,
+            x=fem.Basis(fem.MeshQuad(), fem.ElementQuad1()).zeros() + y,
+            name=D,
+        )
+        for y, D in ((0, "bottom"), (1, "top"))
+    )
+    joint = sc.Contact(up.surface("bottom"), low.surface("top"), tied=True)
+    result = sc.ContactSolver([low, up], joint).solve()
+    assert_allclose(result.reaction("top"), [0.5], rtol=1e-12)
+    with pytest.raises(
+        sc.errors.InputError, match="body 'top' has a scalar field: flows have no moment"
+    ):
+        result.reaction_moment("top")
+
+
+def test_supports_of_large_strains_bear_their_moment_where_they_are():
+    """A bar of rubber is bent by both ends: forces of the deformed bar have no moment in all."""
+    rubber, move = sc.materials.NeoHooke(1.0, 10.0), {"left": (0, 0), "right": (-0.5, 1.5)}
+    solver = bar(PLATE, fem.ElementQuad1(), sc.NonlinearBody, rubber, D=["left", "right"], x=move)
+    *_, result = solver.history(np.linspace(0.25, 1, 4))
+    parts = [result.reaction_moment("bar", name) for name in ("left", "right")]
+    assert_allclose(sum(parts), 0.0, atol=1e-8 * abs(parts[0]))
+    assert abs(parts[0]) > 0.01
+
+
+@pytest.mark.parametrize(("sliding", "far"), [("small", 0.0), ("finite", 7.0)])
+def test_supports_and_contact_have_no_moment_in_all(sliding, far):
+    """A block that is pressed, and dragged along by many times its elastic displacement."""
+    body = block("block", (0, 1), D="top", move=(far + 0.01, -1e-4))
+    foot = sc.Contact(
+        body.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=sc.Coulomb(0.3), sliding=sliding
+    )
+    result = sc.ContactSolver(body, foot).solve()
+    # linear bodies are in balance where they were: what is left is of the order of their strain, 1e-4
+    size = abs(result.moment()) + abs(result.force[1])
+    error = result.reaction_moment("block", "top") + result.moment()
+    assert abs(error) < (1e-11 if sliding == "small" else 1e-4) * size
 
 
 def test_records_are_lines_of_the_log(result):

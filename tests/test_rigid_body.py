@@ -142,6 +142,47 @@ def test_steps_name_loads_and_motions():
     assert_allclose(other.force, [0, -0.02], atol=1e-15)
 
 
+def test_moments_of_what_holds_a_rigid_body():
+    """About its own point that of its reaction, about others with the moment of the force there."""
+    result = pressed(D=("x", "rotation"), moment=0.05).solve()
+    force, moment = np.split(result.reaction("die"), [2])
+    assert_allclose(result.reaction_moment("die", about=(0.5, 1.0)), moment[0], rtol=1e-13)
+    there = moment[0] - 0.5 * force[1] + 3.0 * force[0]
+    assert_allclose(result.reaction_moment("die", about=(1.0, 4.0)), there, rtol=1e-13)
+    with pytest.raises(sc.errors.InputError, match="rigid body 'die' has no boundary 'top'"):
+        result.reaction_moment("die", "top")
+
+
+@pytest.mark.parametrize("sliding", ["small", "finite"])
+def test_moments_of_what_holds_a_rigid_body_in_space(sliding):
+    """Supports, load and contact balance about any point, with the die where it has moved to."""
+    x = np.linspace(0, 10, 4)
+    basis = fem.Basis(
+        fem.MeshHex.init_tensor(x, x, x).with_defaults(),
+        fem.ElementVector(fem.ElementHex1()),
+        intorder=2,
+    )
+    low = sc.Body(basis, sc.Elastic(210e3, 0.3), D="bottom", name="low")
+    about, force = np.array([4.0, 12, 5]), np.array([0, -1000.0, 0])
+    turns = ("rotation x", "rotation y", "rotation z")
+    die = sc.RigidBody(
+        sc.RigidPlane((5, 10, 5), (0, -1, 0), name="die"),
+        about=about,
+        force=force,
+        D=("x", "z", *turns),
+        x={"x": 0.02, "z": 0.01},
+    )
+    foot = sc.Contact(low.surface("top"), die, friction=sc.Coulomb(0.3), sliding=sliding)
+    result = sc.ContactSolver([low, die], foot).solve()
+    moved = result.displacement("die")[:3] * (sliding == "finite")
+    for point in (np.zeros(3), np.array([1.0, 2, 3])):
+        total = result.reaction_moment("die", about=point) - result.moment(point)
+        assert_allclose(total, -np.cross(about + moved - point, force), rtol=0, atol=1e-9)
+    assert_allclose(
+        result.reaction_moment("die", about=about + moved), result.reaction("die")[3:], atol=1e-9
+    )
+
+
 def test_loads_that_a_step_does_not_name_stay():
     """A moment that comes after the force, by its name, leaves the force as it is."""
     solver = pressed(D=("x", "rotation"), moment=0.05)

@@ -101,9 +101,7 @@ def test_glue_that_stretches_what_turns_is_told() -> None:
 @pytest.mark.parametrize("mu", [0.01, 0.2])
 def test_a_linear_roller_leaves_out_what_is_told_with_small_sliding(mu: float) -> None:
     """Its points turn away from where it touches the floor, with their forces: N times their way."""
-    roller = sc.Body.from_mesh(
-        ring(3, RADIUS, 1, 1440), QUADS, sc.Elastic(210e3, 0.3), name="roller"
-    )
+    roller = sc.Body.from_mesh(ring(3, RADIUS, 1, 1440), QUADS, sc.Elastic(210e3, 0.3), name="roller")
     core = sc.RigidBody(
         sc.RigidCylinder((0, 0), 3), force=(0, -FORCE), D=("x", "rotation"), name="core"
     )

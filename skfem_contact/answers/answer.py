@@ -16,9 +16,10 @@ import numpy as np
 from scipy.sparse import block_diag, csr_matrix
 
 from skfem_contact.answers.validity.validity import Diagnostics
-from skfem_contact.arrays import Array, Mask, largest
+from skfem_contact.arguments import numbers
+from skfem_contact.arrays import Array, Mask, cross, largest
 from skfem_contact.assemblies.bolt import Bolts
-from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.body import Body, body_nodes
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.member import State as Internal
 from skfem_contact.bodies.selection import boundary_dofs
@@ -455,8 +456,8 @@ def contact_forces(answer: Answer) -> Array:
     return point_forces(answer.kin, answer.local)
 
 
-def reaction(answer: Answer, body: Member | str, boundary: str | None) -> Array:
-    """Resultant of ``K u - f`` less the contact forces at prescribed DOFs of a body, by component.
+def support_forces(answer: Answer, body: Member | str, boundary: str | None) -> Array:
+    """``K u - f`` less the contact forces at prescribed DOFs of a body; zero elsewhere, (n_body,).
 
     Parameters
     ----------
@@ -480,9 +481,44 @@ def reaction(answer: Answer, body: Member | str, boundary: str | None) -> Array:
         )
     residual = answer.internal[span] - answer.load[span]
     residual -= contact_forces(answer)[span]
-    if not isinstance(own, Body):  # force and moment: rotations are lengths in the system, see `scale`
-        supports = np.zeros(own.n)
-        supports[where] = residual[where]
-        return np.asarray(supports * answer.system.scale(own))
-    component = own.dof_component[where]
-    return np.array([residual[where][component == k].sum() for k in range(own.components)])
+    supports = np.zeros(own.n)
+    supports[where] = residual[where]
+    # of rigid bodies force and moment: rotations are lengths in the system, see `scale`
+    return np.asarray(supports * answer.system.scale(own))
+
+
+def reaction(answer: Answer, body: Member | str, boundary: str | None) -> Array:
+    """See `ContactResult.reaction`."""
+    forces = support_forces(answer, body, boundary)
+    own = answer.system.bodies[answer.system.index(body)]
+    if not isinstance(own, Body):
+        return forces
+    return np.array([forces[own.dof_component == k].sum() for k in range(own.components)])
+
+
+def reaction_moment(answer: Answer, body: Member | str, boundary: str | None, about: Any) -> Any:
+    """See `ContactResult.reaction_moment`."""
+    system, forces = answer.system, support_forces(answer, body, boundary)
+    i = system.index(body)
+    own = system.bodies[i]
+    if own.components < own.dim:
+        raise InputError(f"body {system.names[i]!r} has a scalar field: flows have no moment")
+    nodes = body_nodes(own) if isinstance(own, Body) else np.arange(own.dim)[None]
+    at = own.dof_points[nodes[:, 0]]
+    far = [c for c in answer.contacts if c.sliding == "finite"]
+    sides = [c.secondary.body for c in far] + [getattr(c.primary, "body", c.primary) for c in far]
+    if own.finite_strain or any(side is own for side in sides):
+        at = at + answer.displacement(body)[nodes]
+    total = moment(at, forces[nodes], about)
+    couple = forces[own.rotations]  # of a rigid body
+    return total + (couple if own.dim == 3 else couple.sum()) if len(couple) else total
+
+
+def moment(at: Array, forces: Array, about: Any) -> Any:
+    """Moment of forces (k, d) about a point, the origin for None: a number in the plane, else (3,)."""
+    d = at.shape[1]
+    centre = np.zeros(d) if about is None else numbers(about, "about", f"give {d} coordinates")
+    if centre.shape != (d,):
+        raise InputError(f"about has shape {centre.shape}; give a point of {d} coordinates")
+    total = cross(at - centre, forces).sum(axis=0)
+    return float(total[0]) if d == 2 else total

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from skfem_contact.answers.answer import moment
 from skfem_contact.answers.fields import Contour, contour, covers, interpolate
 from skfem_contact.arguments import NamesAttributes, numbers
-from skfem_contact.arrays import Array, cross
+from skfem_contact.arrays import Array
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
@@ -265,12 +266,7 @@ class ContactValues(NamesAttributes):
         >>> f"{result.moment():.4f}, {result.moment((0.5, 0.0)):.4f}"
         '0.0065, 0.0015'
         """
-        d, F = self.points.shape[1], self.forces
-        centre = np.zeros(d) if about is None else numbers(about, "about", f"give {d} coordinates")
-        if centre.shape != (d,):
-            raise InputError(f"about has shape {centre.shape}; give a point of {d} coordinates")
-        total = cross(self.action - centre, F).sum(axis=0)
-        return float(total[0]) if d == 2 else total
+        return moment(self.action, self.forces, about)
 
     @cached_property
     def contact_edges(self) -> Array:

@@ -507,3 +507,16 @@ _KNOWN: WeakValueDictionary[int, Stiffness] = WeakValueDictionary()
 def may_lock(body: Body) -> bool:
     """Return whether some material of a body hardly changes its volume, as far as that is known."""
     return body.moduli is not None and body.moduli.quotient > STIFF_BULK
+
+
+def body_nodes(body: Body) -> NDArray[np.int64]:
+    """DOFs of each node of a body, shape (nodes, components).
+
+    Vertices first, then edges, facets and interiors: the numbering of the DOFs of the scalar
+    element, so nodal values of `skfem.Basis.project` go with it.
+    """
+    dofs, c = body.basis.dofs, body.components
+    parts = (dofs.nodal_dofs, dofs.edge_dofs, dofs.facet_dofs, dofs.interior_dofs)
+    # one node per entity: all supported elements have at most that
+    table = [np.asarray(part).T for part in parts if np.asarray(part).shape[0] == c]
+    return np.concatenate(table).astype(np.int64)

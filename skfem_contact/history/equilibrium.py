@@ -211,18 +211,15 @@ class Verdict:
             assert self.motions is not None
             known = self.f, result, self.shown, self.pull, self.carries
             return no_equilibrium(self.motions, self.free, self.when, *known)
-        message, falls = "", ""
-        if result is not None:
-            from skfem_contact.answers.uniqueness import falling  # few loops fail
+        failed = f"The loop '{loop}' did not converge"
+        if result is None:
+            return NotConverged(f"{failed}. {self.carries}{self.advice}{EARLIER}")
+        from skfem_contact.answers.uniqueness import falling  # few loops fail
 
-            message, names = result.message, falling(result._answer, -1.0)
-            other = "direct" if loop == "newton" else "newton"
-            falls = FALLS.format(", ".join(map(repr, names)), other) if names else ""
-        return NotConverged(
-            f"The loop '{loop}' did not converge: {message}. {self.carries}{falls}{self.advice}"
-            "the last state is in `.result` of this exception, the steps before it in `.results`.",
-            result,
-        )
+        names, other = falling(result._answer, -1.0), "direct" if loop == "newton" else "newton"
+        falls = FALLS.format(", ".join(map(repr, names)), other) if names else ""
+        advice = f"{self.carries}{falls}{self.advice}{LAST}"
+        return NotConverged(f"{failed}: {result.message}. {advice}", result)
 
 
 ARRIVED = Verdict()
@@ -328,6 +325,8 @@ class EquilibriumSearch:
         opens = attempt.local.area, kin.tangents, ~interface.bilateral
         if changes and jumps_open(interface.laws, *opens):
             return Verdict(advice=JUMPS + USUALLY)
+        if not (interface.laws or attempt.at_limit or model.geometry.follows):
+            return Verdict(advice=SMOOTH)
         return Verdict(carries=carries, advice=TOO_MUCH if attempt.at_limit else USUALLY)
 
     def _sliding(self, motion: Array) -> Array:
@@ -393,11 +392,18 @@ class EquilibriumSearch:
             return None
 
 
+LAST = "The last state is in `.result` of this exception, the steps before it in `.results`."
+EARLIER = "The steps before this one are in `.results` of this exception."
 USUALLY = (
     "Usually the load is more than friction can hold, or it has several equilibria (a large "
     "coefficient of friction), or the step is too large for its path. Compare the load with mu times "
     "the normal force. Try smaller load steps in history(...), prescribed displacements in the place "
-    "of a force, or another loop; "
+    "of a force, or another loop. "
+)
+SMOOTH = (
+    "Without friction a load that supports and contact can carry has one answer. Usually bodies are so "
+    "thin, some hundred times as long as thick, that digits are lost: take fewer elements along them, "
+    "or linear=skfem_contact.linalg.Direct(), which keeps more. "
 )
 CARRIES = (
     "Contact carries up to {} of this step: that much was reached by a load that is pulled through a "
@@ -408,7 +414,7 @@ NOTHING = (
     "Contact carries no part of this step: pulled through a spring, however little, the bodies "
     "move on. "
 )
-TOO_MUCH = "Take a smaller load, more friction, or prescribe displacements to go beyond the limit; "
+TOO_MUCH = "Take a smaller load, more friction, or prescribe displacements to go beyond the limit. "
 JUMPS = (
     "Friction that is not zero without pressure (Tresca, cohesion) is lost all at once where a point "
     "opens, and such a point may have no state at all: closed it is pulled, open it overlaps. A bound "
@@ -425,7 +431,7 @@ CORNERS = (
     "Its surfaces have sharp corners. Usually a face gives way to the next one there: the "
     "body snaps from the one to the other, and between them there is no equilibrium, "
     "however small the step. Round the corners by an arc of a few facets, push "
-    "less deep, or lead the bodies apart and together again behind the corner; "
+    "less deep, or lead the bodies apart and together again behind the corner. "
 )
 
 

@@ -44,6 +44,7 @@ from skfem_contact.answers.validity.validity import A_TENTH
 from skfem_contact.arrays import Array, largest
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.normal_field import CORNER
+from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.discretisation import pair
 from skfem_contact.conditions.friction_rule import friction_bound
@@ -89,12 +90,12 @@ NONE_NEAR = "contact has no answer near an iterate"
 NO_DESCENT = (
     "No smaller part of the step is in equilibrium near what was reached: usually a limit point, where "
     "bodies yield as a whole, buckle or snap. Prescribe displacements instead of forces to go beyond "
-    "it, or take smaller steps; "
+    "it, or take smaller steps. "
 )
 LOOSE = (
     "Iterates come to equilibrium but for round-off, which moves a body far: its tangents are nearly "
     "singular with contact as it is. Usually a layer resists shear or bending by less than a millionth "
-    "of what its neighbours do: make it stiffer there, or hold it by D; "
+    "of what its neighbours do: make it stiffer there, or hold it by D. "
 )
 
 #: Routes whose linear problems are iterated.
@@ -577,10 +578,25 @@ class NonlinearSearch:
         if attempt is not None:
             failed = replace(attempt, failure=why)
             self._come_to(failed, self.step.target, (self._now or self).placed, 1.0)
+        if attempt is None and self.start is None and verdict is SINGULAR:
+            return replace(SINGULAR, advice=self._soft() or SINGULAR.advice)
         carries, before = f"The bodies bear up to {share:.4g} of this step", self.step.before.scale[0]
         if before is not None and (target := self.step.target.factor) is not None:
             carries += f" (a load factor of {before + share * (target - before):.4g})"
         return replace(verdict, carries=carries + ". ", reached=attempt is not None)
+
+    def _soft(self) -> str:
+        """Say which body has DOFs that resist nothing where Newton's method begins; else nothing."""
+        model = self.stepper.model
+        for body, name, diagonal in zip(
+            model.system.bodies, model.system.names, model.diagonals, strict=True
+        ):
+            free = np.setdiff1d(np.arange(body.n), body.D)
+            lost = free[diagonal[free] <= COMPUTED * largest(diagonal)] if body.nonlinear else free[:0]
+            if len(lost):
+                at = written(body.dof_points[lost[0]])
+                return NO_STIFFNESS.format(name, len(lost), len(free), at)
+        return ""
 
 
 def _work(part: LoadStep, kin: Kinematics, trend: Array) -> float:
@@ -596,9 +612,14 @@ WEAR = (
     "A contact with wear has a body that is not linear: what wears off is not solved together with the "
     "deformation of such bodies. Leave out wear=..., or make the bodies linear."
 )
+NO_STIFFNESS = (
+    "Body {!r} has no stiffness in its initial state, where Newton's method begins, at {} of its {} "
+    "free DOFs, the first at {}: add a small one to the stress and the tangent of its material, or "
+    "hold these DOFs by D. "
+)
 SINGULAR = Verdict(
     advice="The tangents of the bodies and contact are singular together: usually a limit load is "
     "reached, and the bodies give way without bearing more. Prescribe displacements to go beyond it, "
-    "or give the material hardening; ",
+    "or give the material hardening. ",
     reached=False,
 )

@@ -341,7 +341,8 @@ def drive(
                 return Outcome(iterate, tuple(trace), True, converged_words(len(trace)))
             message = f"no progress in {patience} iterations"
             break
-    last = f"{record.changes} points still change and the friction law is violated by "
+    law = "friction law" if step.friction.laws else "law of contact"
+    last = f"{record.changes} points still change and the {law} is violated by "
     last += f"{record.residual:.1e} of the largest force"
     return Outcome(iterate, tuple(trace), False, f"{message}; {last}", suspect)
 

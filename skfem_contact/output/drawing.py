@@ -22,6 +22,7 @@ from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.arguments import check_kind, number, shown
 from skfem_contact.arrays import Array, Index
+from skfem_contact.bodies.body import body_nodes
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
@@ -29,7 +30,7 @@ from skfem_contact.conditions.state import OPEN, Motion
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.shapes import RigidCylinder, RigidPlane, RigidSphere
-from skfem_contact.output.stress import body_nodes, quantity
+from skfem_contact.output.stress import quantity
 from skfem_contact.output.tools import Tool, fits, tools
 from skfem_contact.records import dataclass
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import check_switch, known_keywords, members, numbers
 from skfem_contact.arrays import Array
-from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.body import Body, body_nodes
 from skfem_contact.bodies.member import Member
 from skfem_contact.conditions.state import OPEN
 from skfem_contact.errors import InputError
@@ -53,7 +53,6 @@ from skfem_contact.output.stress import (
     OneStress,
     asked,
     body_cells,
-    body_nodes,
     checked_units,
     displaced,
     field_values,

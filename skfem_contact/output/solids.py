@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import numbers
 from skfem_contact.arrays import Array, Index, Mask, check_finite
-from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.body import Body, body_nodes
 from skfem_contact.bodies.facet_kinds import FacetKind, kind_of
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
 from skfem_contact.output.drawing import LINES, PLAIN, ROUND, TOOL, Box, View, new_axes, placed_tools
-from skfem_contact.output.stress import body_cells, body_nodes, quantity, three
+from skfem_contact.output.stress import body_cells, quantity, three
 from skfem_contact.output.tools import BESIDE
 from skfem_contact.records import dataclass
 

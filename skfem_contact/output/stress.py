@@ -23,7 +23,7 @@ from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import check_kind, known_keywords, number, numbers, shown, suggest
 from skfem_contact.arrays import Array
-from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.body import Body, body_nodes
 from skfem_contact.bodies.inputs import SUPPORTED
 from skfem_contact.bodies.member import Member
 from skfem_contact.digits import ROUND_OFF
@@ -60,19 +60,6 @@ def displaced(result: ContactResult, u: Any) -> ContactResult:
     answer = copy(answer_of(result))
     vars(answer)["u"] = sealed(values)
     return ContactResult(answer)
-
-
-def body_nodes(body: Body) -> NDArray[np.int64]:
-    """DOFs of each node of a body, shape (nodes, components).
-
-    Vertices first, then edges, facets and interiors: the numbering of the DOFs of the scalar
-    element, so nodal values of `skfem.Basis.project` go with it.
-    """
-    dofs, c = body.basis.dofs, body.components
-    parts = (dofs.nodal_dofs, dofs.edge_dofs, dofs.facet_dofs, dofs.interior_dofs)
-    # one node per entity: all supported elements have at most that
-    table = [np.asarray(part).T for part in parts if np.asarray(part).shape[0] == c]
-    return np.concatenate(table).astype(np.int64)
 
 
 def body_cells(body: Body) -> tuple[str, NDArray[np.int64]]:

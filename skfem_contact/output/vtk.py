@@ -25,7 +25,7 @@ from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.values import ContactValues
 from skfem_contact.arguments import check_kind, file_path, known_keywords, number, numbers, shown
 from skfem_contact.arrays import Array
-from skfem_contact.bodies.body import Body
+from skfem_contact.bodies.body import Body, body_nodes
 from skfem_contact.bodies.facet_kinds import KINDS
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
@@ -36,7 +36,6 @@ from skfem_contact.output.stress import (
     as_columns,
     asked,
     body_cells,
-    body_nodes,
     checked_units,
     displaced,
     field_values,

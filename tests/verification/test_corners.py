@@ -207,7 +207,7 @@ def test_a_square_led_round_a_corner_is_refused_by_name(method):
     places = [put(*place) for place in path("round", 6)]
     words = (
         r"point \d+ of contact 'c', now at \(.*\), (slid|meets another partner) .*sharp corners.*"
-        r"Round the corners .* behind the corner; the last state is in `.result`"
+        r"Round the corners .* behind the corner\. The last state is in `.result`"
     )
     with pytest.raises(sc.errors.NotConverged, match=words) as caught:
         list(solver.history(places))

@@ -386,7 +386,7 @@ class Assessment:
         found = {}
         strain, _, rotation = self.strains(name)
         if strain > A_TENTH:
-            found["strain"] = strain_words(name, strain)
+            found["strain"] = strain_words(name, strain, self.solids[name].nonlinear)
         if rotation > max(A_TENTH, strain):
             found["rotation"] = rotation_words(name, rotation)
         if name in self.lockable:

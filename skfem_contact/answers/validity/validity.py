@@ -561,12 +561,13 @@ def facet_words(drift: Drift, contact: Contact | None = None) -> str:
     )
 
 
-def strain_words(name: str, strain: float) -> str:
-    """Say what linear elasticity does wrong, and what to do."""
+def strain_words(name: str, strain: float, nonlinear: bool) -> str:
+    """Say what equations of small strains do wrong, and what to do."""
     return (
         f"Body {name!r} is strained by about {strain:.2g} where most of its energy is. Its equations "
         f"are those of small strains: errors are of that order, {100 * strain:.0f} %. Check units, "
-        "load and modulus; large strains need a NonlinearBody with a material of finite strain."
+        f"load and modulus; large strains need {'a' if nonlinear else 'a NonlinearBody with a'} "
+        "material of finite strain."
     )
 
 
