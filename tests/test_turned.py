@@ -98,6 +98,32 @@ def test_glue_that_stretches_what_turns_is_told() -> None:
     assert any("'glue'" in text and text.count("sliding='finite'") == 1 for text in words)
 
 
+@pytest.mark.parametrize(("nu", "told_at"), [(0.3, 0.4), (0.49, 0.2)])
+def test_moment_of_what_a_glued_sleeve_stretches_is_told(nu: float, told_at: float) -> None:
+    """Its share of the torque is what the torque is off that of finite sliding; told from 10 % on."""
+    angles, rubber = (0.05, 0.1, 0.2, 0.4), sc.materials.NeoHooke.of(1.0, nu)
+    torques, told = [], []
+    for sliding in ("small", "finite"):
+        bush = sc.NonlinearBody.from_mesh(ring(RADIUS, 12, 2, 32), QUADS, rubber, D="out", name="bush")
+        sleeve = sc.RigidBody(sc.RigidCylinder((0, 0), RADIUS), D=("x", "y", "rotation"), name="sleeve")
+        glue = sc.Contact(bush.surface("in"), sleeve, tied=True, sliding=sliding, name="glue")
+        way = [{"x": {"sleeve": {"rotation": a}}} for a in angles]
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            results = list(sc.ContactSolver([bush, sleeve], glue).history(way))
+        torques.append(np.array([r.reaction("sleeve")[2] for r in results]))
+        told.append([str(w.message) for w in caught])
+        if sliding == "small":
+            drifts = [r.validity.contacts["glue"].drift for r in results]
+            holds = [r.validity.holds for r in results]
+    small, finite = torques
+    share = np.array([drift.stretch_share for drift in drifts])
+    assert_allclose(share, 1 - finite / small, rtol=0.25)
+    assert holds == (share <= 0.1).tolist() and angles[holds.index(False)] == told_at
+    assert not told[1] and len(told[0]) == 1
+    assert "stretches what is glued to it" in told[0][0] and "sliding='finite'" in told[0][0]
+
+
 @pytest.mark.parametrize("mu", [0.01, 0.2])
 def test_a_linear_roller_leaves_out_what_is_told_with_small_sliding(mu: float) -> None:
     """Its points turn away from where it touches the floor, with their forces: N times their way."""

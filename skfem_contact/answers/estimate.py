@@ -47,7 +47,9 @@ from skfem.element import DiscreteField
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.surface_error import Net, SurfaceError, chords_error, net_of
 from skfem_contact.answers.validity.chords import straight_words
+from skfem_contact.answers.validity.deformed_boundaries import Rim
 from skfem_contact.answers.validity.strain import lockable, locked
+from skfem_contact.answers.validity.track import signed_distance
 from skfem_contact.answers.validity.validity import A_TENTH, LOCKED
 from skfem_contact.answers.values import ContactValues, Elements, ErrorEstimate, ErrorSources
 from skfem_contact.arrays import Array, Index, Mask
@@ -57,7 +59,8 @@ from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.rows import compliance_scale
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import SOLVED
-from skfem_contact.pairing.projection import rim_points
+from skfem_contact.obstacles.obstacle import Obstacle
+from skfem_contact.obstacles.rigid_body import shape_of
 from skfem_contact.trees import Tree
 
 #: The parts of an answer that is not rated.
@@ -111,8 +114,7 @@ def _estimated(result: Answer, values: ContactValues) -> ErrorEstimate:
     pressure = ErrorSources(*of_pressure, bodies, 0.0, chords)
     traction = ErrorSources(*of_both, bodies, stiffness, chords)
     across = points_across(error.net, values.status) if surface.dim == 2 else None
-    ends = rim_points(surface, mirrored=False)
-    advice = _advice(contact, values, ends, traction, share, elements, across)
+    advice = _advice(result, values, traction, share, elements, across)
     return ErrorEstimate(pressure, traction, share, elements, across, advice)
 
 
@@ -147,9 +149,8 @@ def _pressed(result: Answer, values: ContactValues, side: ContactSurface) -> Ind
 
 
 def _advice(
-    contact: Contact,
+    result: Answer,
     values: ContactValues,
-    ends: Mask,
     sources: ErrorSources,
     share: Array,
     elements: dict[str, Elements],
@@ -161,62 +162,91 @@ def _advice(
     largest = sources.largest
     if sources.total <= SOLVED:
         return "nothing to improve: exact, as far as the answer tells"
-    said = _of_largest(contact, values, ends, largest, share, elements, across)
+    said = _of_largest(result, values, largest, share, elements, across)
     if not np.isnan(sources.bodies):
         return said
+    contact = values.contact
     sides = [s.body for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
     why = "a body is not linear" if any(b.nonlinear for b in sides) else "a K was given as a matrix"
     lost = f"What the meshes of the bodies lose, above all in bending, is not in it: {why}"
     return f"{said}. {lost}; compare with a finer mesh, or elements of second order"
 
 
-def _sharp_edge(contact: Contact, values: ContactValues, ends: Mask, point: int) -> str:
-    """Where contact reaches an end of either side at a point or beside it, in words; else nothing.
+def _sharp_edge(result: Answer, values: ContactValues, point: int) -> str:
+    """Where an edge of either side presses at a point or beside it, in words; else nothing.
 
-    An end that does not touch only lies beside the edge of contact. The primary surface ends where
-    points beside those that touch have no partner; the last that touch may be partly beyond, and what
-    stress does there is felt one node on.
+    Not where contact ends by itself at the point, as it does everywhere on strips of few facets. No
+    node of the secondary need lie on an edge of the primary, whose stress is felt one node on.
     """
-    touches = values.status != OPEN
-    lonely = ~np.isfinite(values.gap)
-    sides = (
-        (f"at the end of {contact.secondary.label}", ends & touches),
-        (f"where {contact.primary.label} ends", _beside(values.surface, lonely) & touches),
-    )
-    for words, reached in sides:
-        if _beside(values.surface, reached)[point]:
-            return words
+    contact, surface = values.contact, values.surface
+    around = np.unique(surface.facets[(surface.facets == point).any(axis=1)])
+    open_ = values.status == OPEN
+    if np.any(open_[around] & np.isfinite(values.gap[around])):
+        return ""
+    primary = contact.primary
+    if not isinstance(primary, ContactSurface):
+        pressing = _on_obstacle(surface, primary)
+    else:
+        sides = [surface, primary]
+        if contact.sliding == "finite":
+            sides = [side.moved(result.displacement(side.body)) for side in sides]
+        surface, primary = sides
+        pressing = _over(surface, primary)
+    ends = surface.facets[:, surface.kind.edges][surface.twins < 0][pressing]
+    if np.isin(ends, around[~open_[around]]).any():
+        return f"at the end of {contact.secondary.label}"
+    if isinstance(primary, ContactSurface) and (pressing := _over(primary, surface)).any():
+        rim = Rim.of(primary)
+        rim = Rim(rim.corners[pressing], rim.outward[pressing])
+        size = np.linalg.norm(surface.points[around] - surface.points[point], axis=1).max()
+        if abs(rim.beyond(surface.points[[point]])[0]) <= size:
+            return f"where {contact.primary.label} ends"
     return ""
 
 
-def _beside(surface: ContactSurface, points: Mask) -> Mask:
-    """These points and all that share a facet with one of them, (m,)."""
-    out = points.copy()
-    out[surface.facets[points[surface.facets].any(axis=1)]] = True
-    return out
+def _ahead(surface: ContactSurface) -> tuple[Array, Array, Array]:
+    """Middles of the edges of a rim, places a little way out from there, and this way [length]."""
+    rim, facet = Rim.of(surface), np.nonzero(surface.twins < 0)[0]
+    middle, step = rim.corners.mean(axis=1), A_TENTH * surface.lengths[facet]
+    return middle, middle + step[:, None] * rim.outward, step
+
+
+def _over(surface: ContactSurface, other: ContactSurface) -> Mask:
+    """Edges of the rim of a surface past which the other side goes on, (r,).
+
+    Not where both end flush, nor on a plane of symmetry.
+    """
+    goes_on = Rim.of(other).beyond(_ahead(surface)[1]) < 0
+    return np.asarray(goes_on & ~surface.mirrored_rim.any(axis=1))
+
+
+def _on_obstacle(surface: ContactSurface, obstacle: Obstacle) -> Mask:
+    """`_over` of an obstacle: it goes on where it is no farther a little way out, (r,)."""
+    middle, ahead, step = _ahead(surface)
+    near, far = (signed_distance(shape_of(obstacle), surface, x) for x in (middle, ahead))
+    return np.asarray((far < near + 0.5 * step) & ~surface.mirrored_rim.any(axis=1))
 
 
 def _of_largest(
-    contact: Contact,
+    result: Answer,
     values: ContactValues,
-    ends: Mask,
     largest: str,
     share: Array,
     elements: dict[str, Elements],
     across: int | None,
 ) -> str:
-    worst = int(np.argmax(share))
+    contact, worst = values.contact, int(np.argmax(share))
     name = contact.secondary.label
     at = "(" + ", ".join(f"{x:.3g}" for x in values.points[worst]) + ")"
     if largest == "edges":
-        there = _sharp_edge(contact, values, ends, worst)
+        there = _sharp_edge(result, values, worst)
         if there:
             return (
                 f"most of it {there} near {at}: at a sharp edge stress has no bound, which no mesh "
                 "resolves; round the edge, or use resultants only"
             )
     if largest == "edges":
-        narrow = "" if across is None else f" ({across} points across the narrowest zone)"
+        narrow = f" ({across} points across the narrowest zone)" if across else ""
         return (
             f"most of it where contact or sticking ends{narrow}: "
             f"refine {name} near {at}; half the size is half the error"

@@ -94,6 +94,89 @@ def test_no_mesh_resolves_a_sharp_edge_of_either_side(narrow_first, mu):
     assert where in estimate.advice
 
 
+STRIP = np.linspace(0, 1, 3)
+HEXES = {1: fem.ElementHex1(), 2: fem.ElementHex2()}
+
+
+def brick(name, along, up, order=1, **given):
+    """A strip that is two elements thick, its side z = 0 on a plane of symmetry."""
+    mesh = fem.MeshHex.init_tensor(along, up, STRIP).with_boundaries(
+        {
+            "low": lambda p: np.isclose(p[1], up[0]),
+            "high": lambda p: np.isclose(p[1], up[-1]),
+            "end": lambda p: np.isclose(p[0], along[0]),
+            "middle": lambda p: np.isclose(p[2], 0),
+            "load": lambda p: np.isclose(p[1], up[-1]) & (p[0] <= along[0] + 1),
+        }
+    )
+    given = {"E": 1e3, **given}
+    law = sc.Elastic(given.pop("E"), 0.3)
+    return sc.Body.from_mesh(mesh, fem.ElementVector(HEXES[order]), law, name=name, **given)
+
+
+def arc_of_contact():
+    """Blocks that are flush at all sides, with a gap that opens along them: as a pin in a lug."""
+    x = np.linspace(0, 4, 17)
+    up = brick("up", x, [0, 1, 2], D=["high", {"end": "x", "middle": "z"}], x={"high": (0, -0.02, 0)})
+    low = brick("low", x, [-2, -1, 0], D=["low", {"end": "x", "middle": "z"}])
+    return [up, low], sc.Contact(up.surface("low"), low.surface("high"), gap=lambda p: 0.01 * p[0] ** 2)
+
+
+def beam_that_lifts_off():
+    """Half a beam on a soft bed, both of one width, under a force in its middle."""
+    x = np.linspace(0, 20, 41)
+    beam = brick("beam", x, [0, 1], 2, f={"load": (0, -1, 0)}, D={"end": "x", "middle": "z"}, E=2e5)
+    bed = brick("bed", x, [-0.1, 0], D="low", E=5)
+    return [beam, bed], sc.Contact(bed.surface("high"), beam.surface("low"))
+
+
+def bar_on_a_roller():
+    """One node across touches, and both sides of the bar end on the roller."""
+    down = {"high": (0, -1e-3, 0)}
+    bar = brick("bar", np.linspace(-4, 4, 9), [0, 1], 2, D="high", x=down)
+    return [bar], sc.Contact(bar.surface("low"), sc.RigidCylinder((0, -4, 0), 4, axis=(0, 0, 1)))
+
+
+def strip_of_a_punch(narrow_first=True):
+    """Narrower than what it stands on along the strip alone."""
+    up = brick(
+        "up", np.linspace(0, 2, 9), [0, 1, 2], D=["high", {"middle": "z"}], x={"high": (0, -0.01, 0)}
+    )
+    low = brick("low", np.linspace(-2, 4, 25), [-3, -2, -1, 0], D=["low", {"middle": "z"}])
+    sides = up.surface("low"), low.surface("high")
+    return [up, low], sc.Contact(*sides[:: 1 if narrow_first else -1], method="mortar")
+
+
+def block_stuck_to_a_floor():
+    """What is rigid goes on past the block, and holds its edge."""
+    block = brick(
+        "block", np.linspace(0, 2, 9), [0, 1, 2], D=["high", {"middle": "z"}], x={"high": (0, -0.01, 0)}
+    )
+    floor = sc.RigidPlane((0, 0, 0), (0, 1, 0))
+    return [block], sc.Contact(block.surface("low"), floor, friction=sc.Coulomb(0.9))
+
+
+@pytest.mark.filterwarnings("ignore:.*contact is about as small as a facet")
+@pytest.mark.parametrize(
+    ("made", "sharp"),
+    [
+        (arc_of_contact, ""),
+        (beam_that_lifts_off, ""),
+        (bar_on_a_roller, ""),
+        (strip_of_a_punch, "at the end of up/low"),
+        (lambda: strip_of_a_punch(False), "where up/low ends"),
+        (block_stuck_to_a_floor, "at the end of block/low"),
+    ],
+)
+def test_a_sharp_edge_is_one_that_presses_on_what_goes_on(made, sharp):
+    """Not the sides of strips that end flush or by symmetry, nor where contact ends by itself."""
+    bodies, contact = made()
+    estimate = sc.ContactSolver(bodies, contact).solve().error_estimate
+    assert estimate.traction.largest == "edges"
+    assert ("no bound" in estimate.advice) == bool(sharp)
+    assert (sharp or "where contact or sticking ends") in estimate.advice
+
+
 def test_where_contact_ends_by_itself_smaller_faces_help():
     """Under a ball the zone of contact ends far from all ends of the surfaces."""
     result, _, _ = PROBLEMS[FEW]()

@@ -396,9 +396,10 @@ class ContactWatch(Track):
             motion, carried = self._motion(result.case, u)
             found = self._at_obstacle(result, closed, slip + carried, approach, motion)
             if self.stretched and self.tool:
-                off = np.linalg.norm(motion.shift(self.points) - carried, axis=1)
-                error = float(np.max(off[closed], initial=0.0))
+                off = motion.shift(self.points) - carried
+                error = float(np.max(np.linalg.norm(off[closed], axis=1), initial=0.0))
                 found |= {"gap_error": error, "gap_share": error / approach if approach > 0 else 0.0}
+                found["stretch_share"] = self._stretching(result, off, carried - motion.translation)
             if not self.tool:  # else it is part of the slip
                 slip = slip - self.tangential(_slid(motion, self.points))
                 if self.contact.friction is not None:
@@ -454,6 +455,16 @@ class ContactWatch(Track):
         # where nothing touches any more all of the force is lost
         share = worst / max(approach, worst) if worst else 0.0
         return found | {"gap_error": worst, "gap_share": share}
+
+    def _stretching(self, result: Answer, off: Array, turned: Array) -> float:
+        """`Drift.stretch_share`, by what a turn that is linear is off, and moves points by, (m, d).
+
+        The one is a square of the turn: as this grows its forces do work at twice its own rate.
+        """
+        state, part = result.state, self.part
+        force = state.normal_force[part, None] * self.normal - state.tangential_force[part]
+        whole = float(np.abs(dot(force, turned)).sum())
+        return 2.0 * abs(float(dot(force, off).sum())) / whole if whole > 0 else 0.0
 
     def _off_arc(self, motion: Motion, force: Array) -> float:
         """`Drift.off_arc`, under normal forces (m,).

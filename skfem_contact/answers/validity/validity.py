@@ -107,6 +107,8 @@ class Drift:
     off_arc : float
         How far the chords along which a rigid obstacle turns under points are off their arcs, over the
         arcs, the mean over the normal forces; with friction.
+    stretch_share : float
+        Moment of a rigid body that stretches what is glued to it as it turns, over that of all.
     approach : float
         What the bodies take up elastically between their supports and the contact; zero where that is
         round-off of their places [length].
@@ -147,6 +149,7 @@ class Drift:
     beyond_share: float = 0.0
     motion: float = 0.0
     off_arc: float = 0.0
+    stretch_share: float = 0.0
     approach: float = 0.0
     strain: float = 0.0
     sagitta: float = 0.0
@@ -173,7 +176,7 @@ class Drift:
     def worst(self) -> float:
         """The largest number of small sliding over its bound."""
         past = self.beyond_share if self.beyond else 0.0
-        off = max(self.tilt, self.off_arc, self.gap_share, past) / A_TENTH
+        off = max(self.tilt, self.off_arc, self.stretch_share, self.gap_share, past) / A_TENTH
         return max(min(self.facets / FACETS, self.widths / A_TENTH), off)
 
     @property
@@ -466,6 +469,11 @@ def _contact_lines(part: ContactValidity) -> list[str]:
             f"chords of the obstacle's turn {100 * drift.off_arc:.2g} % off their arcs (up to "
             f"{100 * A_TENTH:g} %)"
         )
+    if drift.stretch_share:
+        words.append(
+            f"what a turn stretches is {100 * drift.stretch_share:.2g} % of the moment (up to "
+            f"{100 * A_TENTH:g} %)"
+        )
     if not np.isnan(part.overlap):
         unseen = f", {part.unseen} points without partner" if part.unseen else ""
         words.append(
@@ -512,6 +520,11 @@ def sliding_words(drift: Drift, turning: Sequence[str] = ()) -> str:
             "the obstacle has turned, and slip, which is taken along the chord to where it has come, "
             f"is {100 * drift.off_arc:.3g} % off the arc that has passed under the points: friction "
             "points the wrong way"
+        )
+    if drift.stretch_share > A_TENTH:
+        found.append(
+            "the obstacle turns and stretches what is glued to it, which is "
+            f"{100 * drift.stretch_share:.3g} % of its moment"
         )
     if drift.gap_share > A_TENTH:
         found.append(
