@@ -104,7 +104,7 @@ def take(maps: Maps, values: Values, back: bool = False) -> Values:
         if (own := values.get(by)) is None:
             continue
         kind = getattr(block, "ndim", 0)
-        if kind == 3 and block.size > len(block):
+        if kind == 3 and block.size != len(block):
             add(values, to, np.einsum("ikl,ik->il" if back else "ikl,il->ik", block, own))
         elif not issparse(block):
             add(values, to, (block[:, 0] if kind == 3 else block) * own)

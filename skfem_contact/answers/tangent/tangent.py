@@ -214,8 +214,7 @@ class Tangent:
     @property
     def presses(self) -> Mask:
         """Closed points whose bound follows the normal force: not of glue that is pulled, (m,)."""
-        pulled = self.answer.model.interface.bilateral & (self.local.normal_force < 0)
-        return self.closed & ~pulled
+        return self.closed & ~(self.answer.model.interface.bilateral & (self.local.normal_force < 0))
 
     @cached_property
     def bound_slope(self) -> Array:
