@@ -236,6 +236,8 @@ def unit_vectors(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     >>> unit_vectors(np.array([[3.0, 4.0], [0.0, 0.0]])).tolist()
     [[0.6, 0.8], [0.0, 0.0]]
     """
+    if vectors.shape[1] == 1:
+        return np.sign(vectors)
     size = lengths(vectors)
     return np.asarray(vectors / np.where(size > 0, size, 1.0)[:, None])
 

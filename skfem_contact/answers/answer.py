@@ -372,10 +372,9 @@ class Answer:
     @cached_property
     def bound_before(self) -> Array:
         """Bounds of friction that the load step began with, zero at open points, (m,) [force]."""
-        last = self.before
-        if last is None:
+        if self.before is None:
             return np.zeros(len(self.gap))
-        return sealed(friction_bound(self.model.interface.laws, last))
+        return sealed(friction_bound(self.model.interface.laws, self.before))
 
     @cached_property
     def local(self) -> LocalState:

@@ -666,7 +666,8 @@ def _placed(answer: Answer, contact: Contact) -> ContactSurface:
 
 def _smooth(answer: Answer, part: slice) -> NDArray[np.bool_]:
     """Points without friction or glue: nothing tangential is solved for."""
-    return ~answer.model.interface.slipping[part] & (answer.kin.tangents > 0)
+    slipping = answer.model.interface.slipping[part]
+    return ~slipping if answer.kin.tangents else np.zeros(len(slipping), dtype=bool)
 
 
 def _lost(answer: Answer, i: int, part: slice) -> NDArray[np.bool_]:
@@ -686,7 +687,7 @@ def _lost(answer: Answer, i: int, part: slice) -> NDArray[np.bool_]:
 def _slip(answer: Answer, part: slice) -> Array:
     kin, state, t = answer.kin, answer.local, answer.kin.tangents
     slip, smooth = (state.slip - state.reference)[part], _smooth(answer, part)
-    if smooth.any():
+    if np.count_nonzero(smooth):
         rows = slice(part.start * t, part.stop * t)
         moved = (kin.B_t[rows] @ answer.u).reshape(-1, t) + answer.seen.slip0[part]
         moved = np.where((state.status[part] != OPEN)[:, None], moved, 0.0)

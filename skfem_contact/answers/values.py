@@ -211,7 +211,7 @@ class ContactValues(NamesAttributes):
     def _over_area(self, force: Array) -> Array:
         area = self.area[self.heir].reshape(-1, *[1] * (force.ndim - 1))
         force = force[self.heir]
-        return np.divide(force, area, out=np.zeros_like(force), where=area > 0)
+        return np.divide(force, area, out=np.zeros(force.shape), where=area > 0)
 
     @property
     def forces(self) -> Array:

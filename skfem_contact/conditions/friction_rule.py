@@ -165,6 +165,8 @@ class LinearBound(NamedTuple):
 
     def slope(self, normal_force: Array) -> Array:
         """Their derivatives by the normal force, (m,)."""
+        if self.cap is np.inf:
+            return np.full(len(normal_force), self.mu, dtype=float)
         return np.where(self.mu * normal_force + self.least >= self.cap, 0.0, self.mu)
 
 

@@ -34,6 +34,7 @@ from skfem_contact.conditions.state import LoadCase
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.dense_factors import ROWS_AT_ONCE, cholesky, lu, symmetrise
 from skfem_contact.problem.points import (
+    NO_ROW,
     Conditions,
     Load,
     LoadForces,
@@ -368,22 +369,22 @@ class Zone:
 
         Returns
         -------
-        total : ndarray, shape (q + k,)
-            Forces on gaps and slips, those of contact too, and of the springs on anchors.
-        since : ndarray, shape (q,)
-            Slips beyond where springs begin.
+        total : ndarray, shape (q + k + 1,)
+            Forces on gaps and slips, those of contact too, and of the springs on anchors; then zero.
+        since : ndarray, shape (q + 1,)
+            Slips beyond where springs begin; then zero, as for rows of -1.
         """
         q, rows = len(start), self.rows
         if self.left:  # forces on what is left out move the others
             moved[self._on] += forces[self.rest] @ self._across
-        h, total, since = forces[rows], np.concatenate((forces, moved[q:])), np.zeros(q)
+        h, total, since = forces[rows], np.concatenate((forces, moved[q:], NO_ROW)), np.zeros(q + 1)
         if len(moved) > q:
             h = h - moved[q:] @ self._carried
-        found = self.space.transposed(conditions, start[rows] - moved[rows], h, key)
+        found = self.space.transposed(conditions, (start - moved[:q])[rows], h, key)
         total[rows] += found.p
         since[rows] = found.since
         if len(moved) > q:
-            total[q:] += self._rigid.solve(moved[q:]) - self._carried @ found.z
+            total[q:-1] += self._rigid.solve(moved[q:]) - self._carried @ found.z
         return total, since
 
 

@@ -206,7 +206,7 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
     if kind == "motion":
         way = -1.0 * kin.paired[:, None, None]
         return [("gap0", FIELD, way * kin.normal[:, None]), ("slip0", FIELD, way * kin.axes)]
-    paired = 1.0 * kin.paired
+    paired = kin.paired.astype(float)
     rows = paired[:, None] if kin.gap_weights is None else diags(paired) @ kin.gap_weights
     return [("given", FIELD, 1.0 if kind == "gap" else -1.0), ("gap0", "given", rows)]
 

@@ -32,7 +32,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from scipy.sparse import block_diag
+from scipy.sparse import block_diag, issparse
 
 from skfem_contact.answers.tangent.tangent import Slopes, Tangent, Values, add, mapped_slopes
 from skfem_contact.arrays import Array, lengths, size_of, unit_vectors
@@ -59,13 +59,11 @@ def _before(tangent: Tangent) -> Maps:
     What bodies bear, friction of the law, and what came before.
     """
     slopes = tangent.slopes
-    maps: Maps = [("f", "borne", -1.0), ("anchor", "last slip", 1.0)]
-    maps.append(("offset", "mapped", slopes.by_map))
+    maps = [("f", "borne", -1.0), ("anchor", "last slip", 1.0), ("offset", "mapped", slopes.by_map)]
     if np.count_nonzero(slopes.by_trial):
         maps.append(("offset", "last friction", slopes.by_trial))
     if not tangent.rule.steady:
-        by_slip = slopes.by_slip
-        maps += [("offset", "last slip", by_slip), ("offset", "last reference", -by_slip)]
+        maps += [("offset", "last slip", slopes.by_slip), ("offset", "last reference", -slopes.by_slip)]
     if bolts := tangent.bolts:
         maps += [("tension", "borne", bolts.slides), ("drive", "tension", tangent.by_pull)]
         maps += [("drive", "last stretch", 1.0 * tangent.locked), ("f", "drive", -bolts.pulls.T)]
@@ -74,7 +72,7 @@ def _before(tangent: Tangent) -> Maps:
 
 def _after(tangent: Tangent, lost: bool) -> Maps:
     """What follows from gaps, slips and forces; the energy lost has the mean of two bounds."""
-    shut = 1.0 * tangent.closed[:, None]
+    shut = tangent.closed.astype(float)[:, None]
     maps: Maps = [
         ("reference", "slip", 1.0 - shut),
         ("reference", "last reference", shut),
@@ -103,14 +101,15 @@ def take(maps: Maps, values: Values, back: bool = False) -> Values:
     """
     for out, of, block in reversed(maps) if back else maps:
         to, by = (of, out) if back else (out, of)
-        if by not in values:
+        if (own := values.get(by)) is None:
             continue
-        if np.ndim(block) == 3:
-            add(values, to, np.einsum("ikl,ik->il" if back else "ikl,il->ik", block, values[by]))
-        elif isinstance(block, float | np.ndarray):
-            add(values, to, block * values[by])
+        kind = getattr(block, "ndim", 0)
+        if kind == 3 and block.size != len(block):
+            add(values, to, np.einsum("ikl,ik->il" if back else "ikl,il->ik", block, own))
+        elif not issparse(block):
+            add(values, to, (block[:, 0] if kind == 3 else block) * own)
         else:
-            add(values, to, (block.T if back else block) @ values[by])
+            add(values, to, (block.T if back else block) @ own)
     return values
 
 

@@ -46,7 +46,7 @@ from skfem_contact.errors import InputError, NotConverged
 from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.linalg.krylov import gmres
 from skfem_contact.loops.active_set import largest_force
-from skfem_contact.problem.points import NO_ROW, Conditions
+from skfem_contact.problem.points import Conditions
 from skfem_contact.problem.seam import Source, Workspace
 
 #: Derivatives by name, of loads or points: (n,) or (m, width). What is not there is zero.
@@ -153,12 +153,15 @@ class Tangent:
         self.slips = (local.status == SLIP) & interface.frictional
         self.stick = sticks & (interface.frictional & exact | interface.tied)
         self.elastic = sticks & interface.frictional & ~exact
-        # closed points without friction or glue count as slipping
-        self.status = np.where(~interface.slipping & self.closed, SLIP, local.status)
         if local.slip.shape[1] > 1:
             # where nothing has slipped yet no direction turns: as if it stuck, and a kink
             still = self.slips & exact & ~self.slid
             self.slips, self.stick = self.slips & ~still, self.stick | still
+
+    @property
+    def status(self) -> Index:
+        """See the class: closed points without friction or glue count as slipping."""
+        return np.where(~self.answer.model.interface.slipping & self.closed, SLIP, self.local.status)
 
     @cached_property
     def direction(self) -> Array:
@@ -178,12 +181,11 @@ class Tangent:
         local, (m, t) = self.local, self.local.slip.shape
         stiffness, slips = self.answer.tangential_stiffness[:, None], self.slips[:, None, None]
         if t == 1 and self.rule.steady:  # nothing turns
-            by_normal, elastic = self.direction * self.bound_slope[:, None], self.elastic[:, None]
-            spring, none = np.where(elastic, stiffness, 0.0)[:, None], np.zeros((m, 1, 1))
-            by_trial, trial = 1.0 * elastic[:, None], BEYOND * self.direction
-            return Slopes(spring, by_trial, none, 1.0 * slips, by_normal, trial)
-        way, force = self.answer.plastic_slip, lengths(local.tangential_force)
-        moved = lengths(way)
+            by_normal, by_map = self.direction * self.bound_slope[:, None], slips.astype(float)
+            by_trial, none = self.elastic.astype(float)[:, None, None], np.zeros((m, 1, 1))
+            spring = np.where(by_trial, stiffness[:, None], 0.0) if np.count_nonzero(by_trial) else none
+            return Slopes(spring, by_trial, none, by_map, by_normal, BEYOND * self.direction)
+        force, moved = lengths(local.tangential_force), lengths(way := self.answer.plastic_slip)
         # with exact sticking any stiffness does: one that makes the trial force twice the bound
         k = np.where(force > 0, force, 1.0) / np.where(moved > 0, moved, 1.0)
         k = np.where(np.isinf(stiffness), k[:, None], stiffness)
@@ -212,8 +214,7 @@ class Tangent:
     @property
     def presses(self) -> Mask:
         """Closed points whose bound follows the normal force: not of glue that is pulled, (m,)."""
-        pulled = self.answer.model.interface.bilateral & (self.local.normal_force < 0)
-        return self.closed & ~pulled
+        return self.closed & ~(self.answer.model.interface.bilateral & (self.local.normal_force < 0))
 
     @cached_property
     def bound_slope(self) -> Array:
@@ -324,27 +325,29 @@ class Tangent:
         """
         (m, t), problem, given = self.local.slip.shape, self.problem, Values()
         zone, key = self.zones.fitting(held := self.conditions, self.local.gap)
-        moved, fixed = np.zeros(len(problem.compliance.W)), np.zeros(1)
+        moved, fixed, one = np.zeros(len(problem.compliance.W)), np.zeros(1), np.zeros((m, 1))
         if "u" in values:
             given["f"] = values["u"]
             load = problem.other_load(self._case(given))
             moved, fixed = np.array(load.moved), load.prescribed
-        gap, pulled = (values.get(name, np.zeros((m, 1)))[:, 0] for name in ("gap", "normal_force"))
-        slip, friction = (values.get(name, np.zeros((m, t))) for name in ("slip", "friction"))
+        gap, pulled = values.get("gap", one)[:, 0], values.get("normal_force", one)[:, 0]
+        slip, friction = values.get("slip", held.anchor), values.get("friction", held.anchor)
+        by_law, drawn, rows = held.offset, slip, problem.tangential_rows
         # where supports prescribe gaps or slips there is no row for them, and of friction the law alone
-        bare, prescribed = problem.tangential_rows < 0, problem.normal_rows < 0
-        by_law = np.where(bare, friction, 0.0)
-        start = problem.on_rows(-pulled - np.einsum("ik,ik->i", held.coupling, by_law), friction)
-        drawn = slip + np.einsum("ikl,ik->il", held.spring, by_law) if held.gives else slip
-        total, since = zone.transposed(held, start, problem.on_rows(gap, drawn), moved, key)
-        by_row = np.concatenate((since, NO_ROW))[problem.tangential_rows]
-        offset = np.where((self.closed & ~self.stick)[:, None], by_law - by_row, 0.0)
-        drawn = slip + np.einsum("ikl,ik->il", held.spring, offset) if held.gives else slip
-        by_row = np.concatenate((total, NO_ROW))
-        slip0 = np.where(bare, drawn, by_row[problem.tangential_rows])
-        values |= {"gap0": np.where(prescribed, gap, by_row[problem.normal_rows])[:, None]}
-        values |= {"slip0": slip0, "anchor": slip - slip0, "offset": offset}
-        return lambda: self._recovered(problem.G.T @ total + fixed, self._case(given))
+        if lacks := problem.q < m * (1 + t):
+            bare, prescribed = rows < 0, problem.normal_rows < 0
+            by_law = np.where(bare, friction, 0.0)
+            pulled = pulled + np.einsum("ik,ik->i", held.coupling, by_law)
+            drawn = slip + np.einsum("ikl,ik->il", held.spring, by_law)
+        start, forces = problem.on_rows(-pulled, friction), problem.on_rows(gap, drawn)
+        total, since = zone.transposed(held, start, forces, moved, key)
+        offset = (self.closed & ~self.stick).astype(float)[:, None] * (by_law - since[rows])
+        gap0, slip0 = total[problem.normal_rows], total[rows]
+        if lacks:
+            drawn = slip + np.einsum("ikl,ik->il", held.spring, offset)
+            gap0, slip0 = np.where(prescribed, gap, gap0), np.where(bare, drawn, slip0)
+        values |= {"gap0": gap0[:, None], "slip0": slip0, "anchor": slip - slip0, "offset": offset}
+        return lambda: self._recovered(problem.G.T @ total[:-1] + fixed, self._case(given))
 
     def _case(self, given: Values) -> LoadCase:
         """Return the load case of changes of the loads f, x, and of gap0 and slip0."""
