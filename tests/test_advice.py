@@ -74,10 +74,9 @@ def test_the_body_that_errs_most_is_named():
     upper = block("upper", 0.0, 4, 1.0).surface("bottom")
     contact = sc.Contact(upper, sc.RigidPlane((0, 0), (0, 1)))
     sources = sc.answers.ErrorSources(bodies=0.1, edges=0.01)
-    values = SimpleNamespace(points=upper.points)
-    line = SimpleNamespace(ends=np.zeros(5, dtype=bool))
+    values = SimpleNamespace(points=upper.points, contact=contact)
     for coarse, fine in (("upper", "lower"), ("lower", "upper")):
         numbers = np.arange(2)
         elements = {fine: (numbers, np.array([0.3, 0.1])), coarse: (numbers, np.array([0.25, 0.35]))}
-        words = _advice(contact, values, line, sources, np.zeros(5), elements, 0)
+        words = _advice(contact, values, sources, np.zeros(5), elements, 0)
         assert f"the mesh of {coarse} around the contact" in words

@@ -616,8 +616,8 @@ def test_a_material_without_stiffness_in_its_initial_state_is_named() -> None:
         on_foundation(0.0).solve()
     assert str(failed.value) == (
         "The loop 'newton' did not converge. Body 'layer' has no stiffness in its initial state, where "
-        "Newton's method begins, at 5 of its 5 free DOFs, the first at (0, 1): add a small one to the "
-        "stress and the tangent of its material, or hold these DOFs by D. "
+        "Newton's method begins, at 5 free DOFs, the first at (0, 1): add some to the stress and "
+        "the tangent of its material, or hold them by D. "
         "The steps before this one are in `.results` of this exception."
     )
     assert failed.value.result is None and failed.value.results == ()

@@ -127,7 +127,7 @@ def test_moment_of_what_a_glued_sleeve_stretches_is_told(nu: float, told_at: flo
 @pytest.mark.parametrize("mu", [0.01, 0.2])
 def test_a_linear_roller_leaves_out_what_is_told_with_small_sliding(mu: float) -> None:
     """Its points turn away from where it touches the floor, with their forces: N times their way."""
-    roller = sc.Body.from_mesh(ring(3, RADIUS, 1, 1440), QUADS, sc.Elastic(210e3, 0.3), name="roller")
+    roller = sc.Body.from_mesh(ring(3, RADIUS, 3, 1440), QUADS, sc.Elastic(210e3, 0.3), name="roller")
     core = sc.RigidBody(
         sc.RigidCylinder((0, 0), 3), force=(0, -FORCE), D=("x", "rotation"), name="core"
     )
@@ -143,8 +143,8 @@ def test_a_linear_roller_leaves_out_what_is_told_with_small_sliding(mu: float) -
     assert np.all(last["foot"].status != 1)
     passed, torque = last.reaction("core")[2], mu * FORCE * RADIUS
     share = last.validity.second_order["roller"]
-    # contact begins and ends within facets of 0.035, on a way of 0.08
-    assert_allclose(passed / torque - 1, share, rtol=0.1)
+    # where in a facet of 0.035 contact begins and ends: a tenth of that, on a way of 0.08
+    assert_allclose(passed / torque - 1, share, rtol=0.05)
     told = any("'roller' is linear and has turned" in str(w.message) for w in caught)
     assert told == (share > 0.1) == (mu < 0.1)
 

@@ -587,15 +587,11 @@ class NonlinearSearch:
 
     def _soft(self) -> str:
         """Say which body has DOFs that resist nothing where Newton's method begins; else nothing."""
-        model = self.stepper.model
-        for body, name, diagonal in zip(
-            model.system.bodies, model.system.names, model.diagonals, strict=True
-        ):
-            free = np.setdiff1d(np.arange(body.n), body.D)
-            lost = free[diagonal[free] <= COMPUTED * largest(diagonal)] if body.nonlinear else free[:0]
-            if len(lost):
-                at = written(body.dof_points[lost[0]])
-                return NO_STIFFNESS.format(name, len(lost), len(free), at)
+        system, diagonals = self.stepper.model.system, self.stepper.model.diagonals
+        for body, name, of_K in zip(system.bodies, system.names, diagonals, strict=True):
+            lost = np.setdiff1d(np.flatnonzero(of_K <= COMPUTED * largest(of_K)), body.D)
+            if body.nonlinear and len(lost):
+                return NO_STIFFNESS.format(name, len(lost), written(body.dof_points[lost[0]]))
         return ""
 
 
@@ -613,9 +609,8 @@ WEAR = (
     "deformation of such bodies. Leave out wear=..., or make the bodies linear."
 )
 NO_STIFFNESS = (
-    "Body {!r} has no stiffness in its initial state, where Newton's method begins, at {} of its {} "
-    "free DOFs, the first at {}: add a small one to the stress and the tangent of its material, or "
-    "hold these DOFs by D. "
+    "Body {!r} has no stiffness in its initial state, where Newton's method begins, at {} free DOFs, "
+    "the first at {}: add some to the stress and the tangent of its material, or hold them by D. "
 )
 SINGULAR = Verdict(
     advice="The tangents of the bodies and contact are singular together: usually a limit load is "

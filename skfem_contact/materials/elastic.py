@@ -206,13 +206,14 @@ class Elastic(Isotropic):
             raise InputError(f"{self} has no density, and no weight: give Elastic(..., density=...)")
 
         def load(v: Any, w: Any, axisymmetric: bool) -> Any:
-            x = np.asarray(w.x)
-            given = acceleration(x) if callable(acceleration) else acceleration
-            parts = given if isinstance(given, list | tuple) or np.ndim(given) else [given]
-            usage = "give its components, or a function of the position that returns them"
-            g = [numbers(part, "acceleration", usage) for part in parts]
-            if len(g) != len(x) or any(part.shape not in ((), x.shape[1:]) for part in g):
-                raise InputError(f"acceleration {shown(given)} of a body in {len(x)}-D: {usage}")
+            given = acceleration(np.asarray(w.x)) if callable(acceleration) else acceleration
+            usage, d = "give its components, or a function of the position that returns them", len(w.x)
+            g = [
+                numbers(part, "acceleration", usage)
+                for part in (given if np.iterable(given) else [given])
+            ]
+            if len(g) != d or any(part.shape not in ((), w.x.shape[1:]) for part in g):
+                raise InputError(f"acceleration {shown(given)} of a body in {d}-D: {usage}")
             return self.density * sum(part * v[i] for i, part in enumerate(g))
 
         return VolumeLoad(load, measure, axisymmetric=False)
@@ -228,12 +229,8 @@ class Elastic(Isotropic):
             raise InputError(f"{self} does not expand: give Elastic(..., expansion=...)")
 
         def holding(x: Array) -> Any:
-            return (
-                3.0
-                * self.bulk
-                * self.expansion
-                * (temperature(x) if callable(temperature) else temperature)
-            )
+            T = temperature(x) if callable(temperature) else temperature
+            return 3.0 * self.bulk * self.expansion * T
 
         def load(v: Any, w: Any, axisymmetric: bool) -> Any:
             return holding(w.x) * trace(_strain(v, w, axisymmetric))
