@@ -203,7 +203,8 @@ def _nearest(
     elif points is not None:
         inverse = LinearOperator(K.shape, factor.solve, dtype=float)
         start = M @ np.ones(len(points))
-        squares, vectors = eigsh(K, n, M, -shift, which="LM", OPinv=inverse, v0=start)
+        # vectors to these digits, of which frequencies have twice as many
+        squares, vectors = eigsh(K, n, M, -shift, OPinv=inverse, v0=start, tol=COMPUTED)
     else:
         operator = LinearOperator(K.shape, lambda v: factor.solve(M @ v), dtype=float)
         found, vectors = eigs(operator, n + 1, v0=np.ones(K.shape[0]))
