@@ -362,14 +362,14 @@ def _on_nodes(body: Body, f: Array) -> Array:
 def _moved(result: Answer) -> Mask:
     """Points whose forces act where they have moved to, (m,).
 
-    Of contacts that slide far; where none does, of those that slip all over, so that their friction is
-    what holds a body against turning.
+    Of contacts that slide far; where none does, of those with obstacles that slip all over, so that
+    their friction is what holds a body against turning.
     """
     if result.model.geometry.follows:
         return result.model.geometry.finite
     sticks, moved = result.state.status == STICK, ~result.model.interface.tied
-    for part in result.slices():
-        moved[part] &= not sticks[part].any()
+    for contact, part in zip(result.contacts, result.slices(), strict=True):
+        moved[part] &= contact.rigid and not sticks[part].any()
     return np.asarray(moved)
 
 
