@@ -8,6 +8,7 @@ dimension are bodies, those one dimension below are boundaries, as sets of nodes
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, redirect_stderr, redirect_stdout
 from fnmatch import fnmatchcase
@@ -366,13 +367,15 @@ def _read(file: Path, size: float | None, order: int) -> meshio.Mesh:
     said = StringIO()  # of a file that it can not read meshio tells the console why, and ends Python
     try:
         with redirect_stdout(said), redirect_stderr(said):
-            return _abaqus(file) if suffix == ".inp" else meshio.read(file)
+            mesh = _abaqus(file) if suffix == ".inp" else meshio.read(file)
     except ImportError as error:
         words = f"meshio reads {suffix} by {error.name}: pip install {error.name}"
         raise InputError(f"{file}: {words}") from error
     except (Exception, SystemExit) as error:  # every format fails in its own way
         words = said.getvalue().strip() or str(error)
         raise InputError(f"{file} can not be read by meshio: {words}") from error
+    sys.stderr.write(said.getvalue())  # of what it has left out
+    return mesh
 
 
 def _abaqus(file: Path) -> meshio.Mesh:

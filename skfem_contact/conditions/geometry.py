@@ -313,7 +313,7 @@ class Geometry:
 
 
 def _on_plane(contact: Contact) -> bool:
-    """Whether a contact is with a plane that no rigid body carries."""
+    """Return whether a contact is with a plane that no rigid body carries."""
     bend = contact.primary.bend if isinstance(contact.primary, Obstacle) else None
     return bend is not None and not bend.any() and contact.rigid_body is None
 

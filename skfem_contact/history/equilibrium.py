@@ -254,6 +254,11 @@ class EquilibriumSearch:
     grip: Grip | None = None
 
     @property
+    def last(self) -> EquilibriumSearch:
+        """Itself: of bodies that are not linear there are many."""
+        return self
+
+    @property
     def settled(self) -> Rest | None:
         """The answer that leaves motions free, where it is one."""
         return None if self.rest is None or self.rest.pull else self.rest

@@ -136,8 +136,7 @@ class StepSolver(ByFields):
             # multigrid ends at a share of the load, which is large where supports move bodies far
             if model.choice.few_steps and (left := certified(result).equilibrium) > SOLVED:
                 raise LinearSolveError(f"forces are balanced to {left:.1e} of the largest")
-            last: Any = getattr(found, "last", found)
-            leaning = second_order(found.advance.attempt) if last.settled is None else {}
+            leaning = second_order(found.advance.attempt) if found.last.settled is None else {}
             self.watch.look(result, issued, leaning)
             _tell(result, getattr(found, "remarks", {}))
         if arrived or not throw:
@@ -220,7 +219,6 @@ class StepSolver(ByFields):
         if start is not None:
             before = start.dissipation_before + start.dissipation_by_contact
         newton, good = Newton(getattr(found, "newton", ())), attempt.good
-        last: Any = getattr(found, "last", found)
         message = "" if good else attempt.reason
         if good:  # with all rounds, attempts and substeps that came before the last one
             message = converged_words(len(way.trace)) + attempt.outcome.note
@@ -249,7 +247,7 @@ class StepSolver(ByFields):
             conditions=attempt.outcome.iterate.conditions,
             factor=found.step.target.factor,
             linear=model.choice.said,
-            indifferent=last.places,
+            indifferent=found.last.places,
             before=attempt.start,
             parts=way.substeps,
             springs=attempt.problem.springs is not None,

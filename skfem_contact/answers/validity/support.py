@@ -328,8 +328,8 @@ def turned(
     approaches : sequence of float
         Of all contacts, elastic ones at least [length].
     """
-    system, shares = result.system, {}
-    f, on_grown = _forces(result, _moved(result)), _forces(result, _measured(result))
+    system, moved, shares = result.system, _moved(result), {}
+    f, on_grown = _forces(result, moved), _forces(result, _measured(result))
     for name, (turn, old, new) in turns.items():
         body, support = system.solids[name], supports[system.index(name)]
         if body.finite_strain:
@@ -339,10 +339,10 @@ def turned(
         left, whole = 0.0, 0.0
         if support.free.shape[1]:
             force = _on_nodes(body, (f + result.load)[system.slice(body)])
-            centre = _held_at(result, body, force)
+            centre = _held_at(result, moved, body, force)
             if centre is not None:
                 left = _missing_moment(force, body.dof_points - centre, turn, support)
-                whole = _most_friction(result, own, new + turn @ (centre - old))
+                whole = _most_friction(result, moved, own, new + turn @ (centre - old))
         else:
             force = _on_nodes(body, on_grown[system.slice(body)])
             grown = turn.T - 0.5 * (turn + turn.T) @ turn.T
@@ -386,13 +386,13 @@ def _forces(result: Answer, at: Mask) -> Array:
     return point_forces(result.kin, replace(local, normal_force=normal, tangential_force=along))
 
 
-def _held_at(result: Answer, body: Body, force: Array) -> Array | None:
+def _held_at(result: Answer, moved: Mask, body: Body, force: Array) -> Array | None:
     """Where what is not among the forces (n, d) on a body holds it, by which moments are taken.
 
     Supports and other contacts; None where springs in K do, whose place is not known.
     """
-    moved, parts = _moved(result), result.slices()
-    others = [c for c, part in zip(result.contacts, parts, strict=True) if not moved[part].any()]
+    each = zip(result.contacts, result.slices(), strict=True)
+    others = [c for c, part in each if not moved[part].any()]
     sides = [s for c in others for s in (c.secondary, c.primary)]
     held = [s.points for s in sides if isinstance(s, ContactSurface) and s.body is body]
     held.append(body.dof_points[body.D])
@@ -410,9 +410,9 @@ def _missing_moment(force: Array, arm: Array, turn: Array, support: Support) -> 
     return float(np.linalg.norm(missing @ axes[:, : np.count_nonzero(size > SUPPORTED)]))
 
 
-def _most_friction(result: Answer, own: Sequence[int], centre: Array) -> float:
+def _most_friction(result: Answer, moved: Mask, own: Sequence[int], centre: Array) -> float:
     """The largest moments of friction about a point in contacts whose points move, added up."""
-    bound = np.where(_moved(result), friction_bound(result.model.interface.laws, result.local), 0.0)
+    bound = np.where(moved, friction_bound(result.model.interface.laws, result.local), 0.0)
     arms, parts = np.linalg.norm(result.kin.points - centre, axis=1), result.slices()
     return sum(float(bound[parts[i]] @ arms[parts[i]]) for i in own)
 
