@@ -452,6 +452,7 @@ def test_huge_interference_is_warned_about():
             {"D": {"top": [1]}},
             r"has \[1\] for 'top', which would be numbers of DOFs.* write {'top': \"y\"}",
         ),
+        ({"D": {"top": np.int64(1)}}, r"write {'top': \"y\"}"),
         ({"D": {"top": (0, 1)}}, r"write {'top': \(\"x\", \"y\"\)}"),
         ({"D": [999]}, r"D of body 'b' has numbers from 999 to 999"),
     ],

@@ -427,7 +427,7 @@ def _components(boundary: str, held: Any, basis: Any, whose: str) -> Any:
     """DOFs of the components of a boundary that are named, "x" or ("x", "z"); other values are DOFs."""
     names = held if isinstance(held, list | tuple) else (held,)
     axes = "xyz"[: basis.mesh.dim()]
-    kinds = {type(name) for name in names}
+    kinds = {int if isinstance(name, np.integer) else type(name) for name in names}
     if kinds == {int} and len(names) <= len(axes) and all(0 <= k < len(axes) for k in names):
         meant = ", ".join(f'"{axes[k]}"' for k in names)
         meant = meant if len(names) == 1 else f"({meant})"
