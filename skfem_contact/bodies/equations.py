@@ -82,9 +82,9 @@ class Gradients:
         self.basis, self.axisymmetric = basis, axisymmetric
         self.d = int(basis.mesh.dim())
         self.slots = [[(j, i, j) for j in range(self.d)] for i in range(self.d)]
-        G = shape_gradients(basis, None).transpose(2, 1, 3, 0)
-        self.dx = point_volumes(basis, None)
-        x = np.asarray(basis.mapping.F(basis.X, None))
+        G = shape_gradients(basis, basis.tind).transpose(2, 1, 3, 0)
+        self.dx = point_volumes(basis, basis.tind)
+        x = np.asarray(basis.mapping.F(basis.X, basis.tind))
         if measure is not None:
             self.dx = self.dx * measure(x)
         if axisymmetric:

@@ -309,6 +309,10 @@ class ContactProblem(LinearProblem):
         """A load case in the unknowns of the problem."""
         raise NotImplementedError
 
+    def other_load(self, case: LoadCase) -> Load:
+        """A load case that is like no other, or one of its derivatives: nothing of it is remembered."""
+        return self.load(case)
+
     def source(self, load: Load, response: Response) -> Source:
         """Return what the displacements of the bodies follow from."""
         return self.sources([(load, response)])[0]

@@ -133,7 +133,6 @@ class PointProblem(OnContactDofs):
         return self._load(case, *self.bodies.load(case.f, case.x))
 
     def other_load(self, case: LoadCase) -> Load:
-        """A load case that is like no other, or one of its derivatives: nothing of it is remembered."""
         force = self.bodies.other_load(case.f, case.x)
         return self._load(case, (), force, self.bodies.flexibility(force))
 

@@ -27,7 +27,7 @@ from skfem_contact.answers.validity.overlaps import (
     sides_of,
     unselected_words,
 )
-from skfem_contact.answers.validity.strain import lockable, locked, strains
+from skfem_contact.answers.validity.strain import displaced_far, lockable, locked, strains
 from skfem_contact.answers.validity.support import (
     Support,
     leaning,
@@ -46,6 +46,7 @@ from skfem_contact.answers.validity.validity import (
     Meeting,
     Validity,
     crossing_words,
+    displacement_words,
     facet_words,
     locking_words,
     overlap_words,
@@ -72,6 +73,9 @@ OF_CONTACTS = ("sliding", "overlap", "facets")
 #: cantilever; what supports and surfaces are off a rigid motion is .3 of the turn of a beam that is
 #: bent on three points.
 PRESSED, SUSPECTED = 0.5, 0.25
+
+#: What takes a look at whole bodies of its own.
+LOOKED = frozenset({"displacement", "locking"})
 
 ONCE = " (Said once in a history, at the first step beyond the bound; result.validity has the numbers.)"
 
@@ -127,6 +131,10 @@ class Watch:
             if len(support.dofs) and name in solids
         }
         self.may_lock = any(map(may_lock, solids.values()))  # whatever the answer is
+        # modulus times volume, of the box of all nodes [force length]
+        boxes = {n: np.prod(np.ptp(solids[n].basis.mesh.p, axis=1)) for n in self.bounded}
+        known_moduli = {n: m for n in self.bounded if (m := solids[n].moduli) is not None}
+        self.firm = {n: float(boxes[n] * 2 * m.shear.mean()) for n, m in known_moduli.items()}
 
     def _known(self, b: int) -> Index:
         """DOFs of a body at its supports and contacts."""
@@ -252,16 +260,17 @@ class Watch:
         """Bodies that seem to be strained, to turn or to lock, and have not been said to.
 
         With looks that are kept: whether a body locks does not depend on the size of its load, and is
-        looked at once each doubling of its approach.
+        looked at once each doubling of its approach, as is what bends.
         """
         found, looked = list[str](), Issued()
         known, lock = result.diagnostics, lockable(result) if self.may_lock else []
-        size = dict.fromkeys(self.bounded, (0.0, 0.0))
+        size = dict.fromkeys(self.bounded, (0.0, 0.0, 0.0))
         for drift, watch in zip(known.drifts, self.tracks, strict=True):
+            done = float(np.abs(result.state.normal_force[watch.part]).sum()) * drift.approach
             for name in {self.system.names[b] for b in watch.bodies} & set(size):
-                strain, approach = size[name]
-                size[name] = max(strain, drift.strain), max(approach, drift.approach)
-        for name, (strain, approach) in size.items():
+                strain, approach, work = size[name]
+                size[name] = max(strain, drift.strain), max(approach, drift.approach), work + done
+        for name, (strain, approach, work) in size.items():
             turn, stretch = abs(known.turns.get(name, 0.0)), known.stretches.get(name, 0.0)
             # where a body yields, pressures tell no strain, and measuring it costs little of a step
             yields = self.system.solids[name].nonlinear
@@ -270,14 +279,25 @@ class Watch:
                 "strain": strained,
                 "rotation": strained or turn > SUSPECTED * A_TENTH,
                 "locking": name in lock,
+                "displacement": self._bends(name, approach, work),
             }
             kinds = {kind for kind in beyond if beyond[kind] and (kind, name) not in known.issued}
-            look = "locking" in kinds
+            look = bool(kinds & LOOKED)
             seen = _look("volumes", name, approach, known.issued) if look else Issued()
             looked |= seen
-            if seen or kinds - {"locking"}:
+            if seen or kinds - LOOKED:
                 found.append(name)
         return found, looked
+
+    def _bends(self, name: str, approach: float, work: float) -> bool:
+        """Whether a body seems to turn in itself by more than its strain allows, see `displaced_far`.
+
+        As a beam on three points does by its mean strain; `work` is that of its contact forces.
+        """
+        if not (work > 0 and name in self.firm):
+            return False
+        turn = 2 * approach / self.supports[self.system.names.index(name)].arm
+        return turn**2 > A_TENTH * float(np.sqrt(work / self.firm[name]))
 
 
 def _look(what: str, name: str, approach: float, issued: Issued) -> Issued:
@@ -323,6 +343,7 @@ def assess(result: Answer) -> Validity:
         dict(result.diagnostics.leaning),
         {name: locked(result, name) for name in measured.lockable},
         tuple(key for key in result.diagnostics.beyond if key not in problems),
+        {name: measured.displaced(name) for name in measured.bounded},
     )
 
 
@@ -343,6 +364,7 @@ class Assessment:
         self.meetings = dict(result.diagnostics.meetings)
         # each measure once
         self.strains = cache(lambda name: strains(self.solids[name], result.stretched(name)))
+        self.displaced = cache(self._displaced)
         self.boundary = cache(lambda name: boundary(self.solids[name], result.displacement(name)))
         self.drift, self.contact = cache(self._drift), cache(self._contact)
 
@@ -384,15 +406,22 @@ class Assessment:
         more than the strain is told by it.
         """
         found = {}
-        strain, _, rotation = self.strains(name)
+        strain, _, rotation, _ = self.strains(name)
         if strain > A_TENTH:
             found["strain"] = strain_words(name, strain, self.solids[name].nonlinear)
         if rotation > max(A_TENTH, strain):
             found["rotation"] = rotation_words(name, rotation)
+        leaning = self.result.diagnostics.leaning.get(name, 0.0)
+        if not found and self.displaced(name) > max(A_TENTH, leaning):
+            found["displacement"] = displacement_words(name, self.displaced(name))
         if name in self.lockable:
             words = locking_words(name, self.solids[name], locked(self.result, name))
             found |= {"locking": words} if words else {}
         return found
+
+    def _displaced(self, name: str) -> float:
+        strain, _, _, rotation = self.strains(name)
+        return displaced_far(self.result, name, strain, rotation)
 
     # -- contacts -----------------------------------------------------------------------------
 

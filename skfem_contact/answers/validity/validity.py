@@ -71,7 +71,16 @@ LOCKED = 0.08
 Issued = frozenset[tuple[str, str]]
 #: The kinds that are bounds of the model. Others are said once in a history as well, and are none:
 #: places that nothing decides, overlaps that supports prescribe.
-BOUNDS = ("facets", "locking", "overlap", "rotation", "second order", "sliding", "strain")
+BOUNDS = (
+    "displacement",
+    "facets",
+    "locking",
+    "overlap",
+    "rotation",
+    "second order",
+    "sliding",
+    "strain",
+)
 
 
 @dataclass(frozen=True)
@@ -366,8 +375,8 @@ class Validity(NamesAttributes):
     rotation : dict of float
         Root of the mean square of the rotation over every body [rad].
     problems : dict
-        Sentences, by kind ("sliding", "overlap", "facets", "strain", "rotation", "locking",
-        "second order") and name of the contact or body.
+        Sentences, by kind ("sliding", "overlap", "facets", "strain", "rotation", "displacement",
+        "locking", "second order") and name of the contact or body.
     second_order : dict of float
         What the moments of second order that small sliding leaves out would change of the motion of
         rigid bodies that may turn, over that motion; and the moments that linear bodies leave out
@@ -377,6 +386,9 @@ class Validity(NamesAttributes):
         take back, see `locking`.
     before : tuple of (str, str)
         Kind and name of what this history has warned of before and what is within its bound now.
+    displacement : dict of float
+        What large displacements of every linear body would change of the contact forces, or of its
+        own displacements, over the largest: zero where it hardly turns, NaN where it is not known.
 
     Examples
     --------
@@ -413,6 +425,7 @@ class Validity(NamesAttributes):
     second_order: dict[str, float] = field(default_factory=dict)
     locking: dict[str, float] = field(default_factory=dict)
     before: tuple[tuple[str, str], ...] = ()
+    displacement: dict[str, float] = field(default_factory=dict)
 
     @property
     def holds(self) -> bool:
@@ -429,6 +442,7 @@ class Validity(NamesAttributes):
         found += [turn / A_TENTH for name, turn in self.rotation.items() if turn > self.strain[name]]
         found += [share / LOCKED for share in self.locking.values()]
         found += [share / A_TENTH for share in self.second_order.values()]
+        found += [share / A_TENTH for share in self.displacement.values()]
         return float(np.nanmax(found))
 
     def __str__(self) -> str:
@@ -440,6 +454,11 @@ class Validity(NamesAttributes):
                 f"  {name}: strain {strain:.2g} where its energy is, rotation "
                 f"{self.rotation[name]:.2g} (up to {A_TENTH:g})"
             )
+        lines += [
+            f"  {name}: large displacements change {100 * share:.2g} % (up to {100 * A_TENTH:g} %)"
+            for name, share in self.displacement.items()
+            if share > 0
+        ]
         for name, share in self.locking.items():
             lines.append(
                 f"  {name}: neighbouring elements take back {100 * share:.2g} % of the energy (up to "
@@ -647,6 +666,16 @@ def rotation_words(name: str, angle: float) -> str:
         f"about {100 * angle:.0f} %. Sliding may be large, rotations of deformable bodies may not. "
         "Turn the rigid obstacle instead (motion=...), or rebuild the body in its turned position and "
         "continue there."
+    )
+
+
+def displacement_words(name: str, share: float) -> str:
+    """Say that a slender body is stretched or straightened by its displacements, and what to do."""
+    return (
+        f"Body {name!r} is linear, and has the stiffness of its undeformed shape. Large displacements "
+        f"would change contact forces or its displacements by about {100 * share:.2g} %: slender parts "
+        "stretch as they bend, and arches and discs lose their height. Take a NonlinearBody, for "
+        "metals of sc.materials.SaintVenantKirchhoff."
     )
 
 
