@@ -138,21 +138,27 @@ def test_a_cantilever_becomes_shorter_and_is_as_stiff_as_before() -> None:
         assert last.validity.holds
 
 
-@pytest.mark.parametrize("what", ["yields", "warmed"])
+@pytest.mark.parametrize("what", ["yields", "warmed", "loose"])
 def test_what_is_not_known_is_no_number(what: str) -> None:
-    """The stress of a body that yields, or is warm, is not that of its strain."""
+    """Stress is not that of strain in what yields or is warm, and a loose body may stand elsewhere."""
     mesh = fem.MeshQuad.init_tensor(np.linspace(0, 40, 25), np.linspace(0, 1, 3)).with_defaults()
     basis, steel = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad2())), sc.Elastic(E, NU)
     held: dict[str, Any] = {"D": ["left", "right"], "name": "strip"}
-    if what == "yields":
-        strip: Any = sc.NonlinearBody(basis, sc.J2(E, NU, [(1e6, 0)]), **held)
+    if what == "loose":
+        held["D"] = None
+        strip: Any = sc.Body(basis, steel, **held)
+    elif what == "yields":
+        strip = sc.NonlinearBody(basis, sc.J2(E, NU, [(1e6, 0)]), **held)
     else:
         steel = sc.Elastic(E, NU, expansion=1e-5)
         strip = sc.Body(basis, steel, steel.warmed(1.0), **held)
-    contact = sc.Contact(strip.surface("top"), sc.RigidCylinder((20, 30.5), 30, name="tool"))
+    contacts = [sc.Contact(strip.surface("top"), sc.RigidCylinder((20, 30.5), 30, name="tool"))]
+    if what == "loose":
+        ends = [sc.RigidCylinder((x, -5), 5) for x in (5, 35)]
+        contacts += [sc.Contact(strip.surface("bottom"), end, name=f"end {end}") for end in ends]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sc.ContactWarning)
-        result = sc.ContactSolver(strip, contact).solve()
+        result = sc.ContactSolver(strip, contacts, linear="iterated").solve()
         assert np.isnan(result.validity.displacement["strip"])
         assert "displacement" not in dict(result.validity.problems)
 

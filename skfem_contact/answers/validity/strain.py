@@ -253,7 +253,8 @@ def displaced_far(result: Answer, name: str, strain: float, rotation: float) -> 
     """What large displacements of a linear body would change of contact forces, or of its way.
 
     Over the largest; zero where half of the squared rotation is less than a twentieth of the strain,
-    and NaN where it is not known: of bodies that yield, are warmed or not isotropic.
+    and NaN where it is not known: of bodies that yield, are warmed or not isotropic, and where one may
+    stand elsewhere as well.
 
     Parameters
     ----------
@@ -267,7 +268,8 @@ def displaced_far(result: Answer, name: str, strain: float, rotation: float) -> 
     if rotation**2 <= A_TENTH * strain:
         return 0.0
     K, u = result.stiffness[result.system.index(body)], result.stretched(name)
-    if body.nonlinear or body.thermal is not None or body.moduli is None or K is not body.K:
+    unknown = body.nonlinear or body.thermal is not None or body.moduli is None or K is not body.K
+    if unknown or result.indifferent:
         return np.nan
     second, third, energy = _turned_forces(body, name, u)
     if abs(energy / float(u @ (K @ u)) - 1.0) > A_TENTH:
