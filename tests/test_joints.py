@@ -79,6 +79,7 @@ def test_joints_of_axisymmetric_bodies():
     np.testing.assert_allclose(joint.force, [0, -12 * np.pi], atol=1e-10)
     assert joint.closed == 1.0 and joint.slip_margin == pytest.approx(1.0)
     assert joint.mean_pressure == pytest.approx(3.0, rel=1e-9)
+    assert np.isnan([joint.moment, result.reaction_moment("low", "bottom")]).all()  # none, on a ring
 
 
 def test_tables_print(monkeypatch):

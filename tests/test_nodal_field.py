@@ -73,6 +73,24 @@ def test_a_free_body_that_is_warmed(kind: Any, material: Any, own: bool, tmp_pat
         assert abs(ax.get_lines()[0].get_ydata()).max() < 1e-8
 
 
+@pytest.mark.parametrize("kind", [sc.Body, sc.NonlinearBody])
+def test_a_list_of_loads_is_their_sum(kind: Any) -> None:
+    """Pressed and warmed between walls: ``(1 - nu) s = -nu p - E alpha T`` across, also in steps."""
+    steel = sc.Elastic(1000.0, 0.3, expansion=1e-3)
+    warm, press = steel.warmed(5.0), {"top": 2.0}
+    walls = {"left": "x", "right": "x"}
+    body = kind(rectangle(0), steel, f=[warm, press], D=walls, name="b")
+    floor = sc.Contact(body.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)))
+    solver = sc.ContactSolver(body, floor)
+    steps = [0.5, {"f": {"b": [press, warm, np.zeros(body.n)]}}, {"f": {"b": press}}]
+    results = [*solver.history(steps), solver.with_load("b", (warm, warm, press)).solve()]
+    for result, p, T in zip(results, (1, 2, 2, 2), (2.5, 5, 0, 10), strict=True):
+        across = -(0.3 * p + T) / 0.7
+        stress = sc.output.nodal_field(result, "b", "stress")
+        assert_allclose(stress - np.diag([across, -p, across]), 0.0, atol=1e-9)
+        assert_allclose(result.reaction("b", "right")[0], across, rtol=1e-9)
+
+
 def test_large_strains_and_a_temperature_are_warned_of() -> None:
     """Its load is that of small strains."""
     warm = sc.Elastic(1.0, 0.3, expansion=1e-5).warmed(10.0)

@@ -115,12 +115,28 @@ def whole(x: np.ndarray) -> np.ndarray:
     return np.asarray(2 * np.pi * x[0])
 
 
+def one(x: np.ndarray) -> np.ndarray:
+    """A thickness."""
+    return np.ones_like(x[0])
+
+
+def two(x: np.ndarray) -> np.ndarray:
+    """Twice the thickness."""
+    return 2 * one(x)
+
+
 @pytest.mark.parametrize(
     ("low", "up", "words"),
     [
         ((rings, whole), (rings, whole), ""),
         ((rings, whole), (rings, lambda x: 2 * np.pi * np.maximum(x[0], 0.0)), ""),
         ((linear_elasticity(), None), (linear_elasticity(), lambda x: 2.0 + 0 * x[0]), ""),
+        ((linear_elasticity(), two), (linear_elasticity(), one), ""),
+        (
+            (linear_elasticity(), one),
+            (linear_elasticity(), two),
+            "'up/bottom' has the thickness 2, and meets 'low/top' over 1 of it",
+        ),
         (
             (linear_elasticity(), whole),
             (rings, whole),
@@ -139,7 +155,10 @@ def whole(x: np.ndarray) -> np.ndarray:
     ],
 )
 def test_rings_that_meet_what_is_none(low: tuple, up: tuple, words: str) -> None:
-    """A plane stiffness with the weight of rings, rings on a plane body, or on those of a radian."""
+    """A plane stiffness with the weight of rings, rings on a plane body, or on those of a radian.
+
+    And a secondary that is thicker than what it meets: its pressures are too small.
+    """
     bodies = [
         sc.Body(square(1.0, 0.5, y), form, D=D, measure=measure, name=name)
         for (form, measure), y, D, name in ((low, -1.0, "bottom", "low"), (up, 0.0, "top", "up"))

@@ -508,16 +508,21 @@ def reaction_moment(answer: Answer, body: Member | str, boundary: str | None, ab
     sides = [c.secondary.body for c in far] + [getattr(c.primary, "body", c.primary) for c in far]
     if own.finite_strain or any(side is own for side in sides):
         at = at + answer.displacement(body)[nodes]
-    total = moment(at, forces[nodes], about)
+    total = moment(at, forces[nodes], about, any(b.axisymmetric for b in system.solids.values()))
     couple = forces[own.rotations]  # of a rigid body
     return total + (couple if own.dim == 3 else couple.sum()) if len(couple) else total
 
 
-def moment(at: Array, forces: Array, about: Any) -> Any:
-    """Moment of forces (k, d) about a point, the origin for None: a number in the plane, else (3,)."""
+def moment(at: Array, forces: Array, about: Any, axisymmetric: bool) -> Any:
+    """Moment of forces (k, d) about a point, the origin for None: a number in the plane, else (3,).
+
+    NaN of axisymmetric bodies: those on the other side of a ring are not among the forces.
+    """
     d = at.shape[1]
     centre = np.zeros(d) if about is None else numbers(about, "about", f"give {d} coordinates")
     if centre.shape != (d,):
         raise InputError(f"about has shape {centre.shape}; give a point of {d} coordinates")
     total = cross(at - centre, forces).sum(axis=0)
+    if axisymmetric:
+        return float("nan")
     return float(total[0]) if d == 2 else total

@@ -332,7 +332,7 @@ class ContactResult(OfTheContact):
         """Moment of the forces of `reaction` about a point, the origin if none is given.
 
         Forces act where nodes are after the step, of bodies of finite strain and of those that slide
-        far; else on the undeformed ones, as in `moment` of a contact.
+        far; else on the undeformed ones, as in `moment` of a contact. NaN of axisymmetric bodies.
 
         Parameters
         ----------

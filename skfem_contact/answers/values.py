@@ -237,7 +237,7 @@ class ContactValues(NamesAttributes):
         """Moment of the forces on the secondary about a point, the origin if none is given.
 
         Forces act at `action`: of bodies that slide far where they are after the step, else on the
-        undeformed ones.
+        undeformed ones. Those of a ring have no moment: NaN of axisymmetric bodies.
 
         Parameters
         ----------
@@ -266,7 +266,7 @@ class ContactValues(NamesAttributes):
         >>> f"{result.moment():.4f}, {result.moment((0.5, 0.0)):.4f}"
         '0.0065, 0.0015'
         """
-        return moment(self.action, self.forces, about)
+        return moment(self.action, self.forces, about, self.surface.body.axisymmetric)
 
     @cached_property
     def contact_edges(self) -> Array:

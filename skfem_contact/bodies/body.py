@@ -35,6 +35,7 @@ from skfem_contact.bodies.inputs import (
     mass_of,
     prescribed_dofs,
     prescribed_values,
+    several,
     stiffness_of,
 )
 from skfem_contact.bodies.member import Linearized, Meshed, State, motion_names, rigid_modes
@@ -74,7 +75,7 @@ class Body(Meshed):
         gives tractions on boundaries, ``{"top": (0.0, -5.0)}``, in global axes [stress], or a
         pressure, ``{"bore": 5.0}``, which presses along the normals of the undeformed mesh, or a
         function of the component-first position that returns one of these,
-        ``{"wall": lambda x: rho * g * (h - x[1])}``.
+        ``{"wall": lambda x: rho * g * (h - x[1])}``. A list of such loads is their sum.
     D : (list of) boundary names, dict by boundary name, ndarray, DofsView, or callable, optional
         Prescribed DOFs. A boundary name stands for all components, a dict names them,
         ``{"left": "x", "base": ("x", "z")}``. All that `skfem.condense` takes is taken, and a function
@@ -297,6 +298,8 @@ class Body(Meshed):
 
     def load(self, f: Any, what: str) -> Array:
         """The load (n,) that a user means: a vector, a form, or tractions by boundary name."""
+        if several(f):
+            return np.sum([self.load(part, what) for part in f], axis=0)
         if isinstance(f, Mapping):
             return tractions(f, self.basis, self.measure, what)
         if isinstance(f, LinearForm) and not isinstance(f, OfMaterial):
@@ -315,6 +318,10 @@ class Body(Meshed):
             )
 
     def apart(self, f: Any, load: Array) -> Array | None:
+        if several(f):
+            found = [self.apart(part, self.load(part, f"f of body {self.name!r}")) for part in f]
+            known = [part for part in found if part is not None]
+            return np.sum(known, axis=0) if known else None
         if not isinstance(f, OfMaterial) or f.holding is None:
             return None
         x = np.asarray(self.basis.mapping.F(self.basis.X, self.basis.tind))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, TypeAlias
 
@@ -35,7 +35,8 @@ from skfem_contact.records import sealed_matrix
 PENALTY = 1e8
 
 #: What loads, prescribed DOFs and their values may be, see `Body`.
-Loads: TypeAlias = ArrayLike | LinearForm | Mapping[str, ArrayLike]
+Load: TypeAlias = ArrayLike | LinearForm | Mapping[str, ArrayLike]
+Loads: TypeAlias = Load | Sequence[Load]
 Dofs: TypeAlias = ArrayLike | DofsView | Mapping[str, DofsView] | Callable[[CellBasis], Any]
 Values: TypeAlias = ArrayLike | Mapping[str, Any]
 
@@ -375,6 +376,16 @@ def load_of(f: Any, basis: Any, what: str) -> np.ndarray:
         with _on_its_basis(basis, what):
             f = sum(f.assemble(part) for part in parts(basis))
     return dof_values(f, basis, what)
+
+
+def is_load(f: Any) -> bool:
+    """Return whether f is a load by itself, and no vector and no factor."""
+    return isinstance(f, Mapping | LinearForm) or several(f)
+
+
+def several(f: Any) -> bool:
+    """Return whether a load is a list of loads, whose sum counts; a list of numbers is a vector."""
+    return isinstance(f, list | tuple) and any(isinstance(part, Mapping | LinearForm) for part in f)
 
 
 def dof_values(values: Any, basis: Any, what: str, used: Any = True) -> np.ndarray:

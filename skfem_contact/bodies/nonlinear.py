@@ -17,7 +17,7 @@ from skfem_contact.arrays import Array, check_finite
 from skfem_contact.bodies.assembly import LINEAR, boundary_basis, scalar_element
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.equations import Continuum, Differentiated, Forms, Gradients, scattered
-from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points, dof_values
+from skfem_contact.bodies.inputs import Dofs, Loads, Values, check_points, dof_values, several
 from skfem_contact.bodies.member import Linearized, State
 from skfem_contact.bodies.selection import boundary_dofs, check_not_lost
 from skfem_contact.errors import InputError, warn
@@ -161,7 +161,8 @@ class NonlinearBody(Body):
         K = equations.linearize(np.zeros(self.n), equations.initial_state).K
         mass = (getattr(material, "density", 0.0) or None) if mass is None else mass
         super().__init__(basis, K, f, D=D, x=x, measure=measure, mass=mass, name=name)
-        vars(self)["pressures"] = self.fluid(f) if isinstance(f, Mapping) else pressures
+        followed = self.finite_strain and (isinstance(f, Mapping) or several(f))
+        vars(self)["pressures"] = self.thermal if followed else pressures
 
     def _continuum(self, material: Any, mean_dilatation: bool | None, whose: str) -> Continuum:
         """Equations from a material."""
@@ -245,7 +246,7 @@ class NonlinearBody(Body):
         return load if pressures is None else load + self.pressed(pressures)[0]
 
     def apart(self, f: Any, load: Array) -> Array | None:
-        if not self.finite_strain:
+        if several(f) or not self.finite_strain:
             return super().apart(f, load)
         if isinstance(f, OfMaterial) and f.holding is not None:
             warn(

@@ -309,7 +309,7 @@ def _smaller_extent(contact: Contact) -> float:
 
 
 def warn_measures(contacts: Sequence[Contact]) -> None:
-    """Warn of axisymmetric bodies whose stiffness has no rings, or that meet bodies of another kind.
+    """Warn of rings whose stiffness has none or that meet no like ones, and of thick secondaries.
 
     Warns
     -----
@@ -341,9 +341,7 @@ def _has_rings(body: Meshed) -> bool:
 
 def _compare(contact: Contact, one: ContactSurface, other: ContactSurface) -> None:
     rings = [side.body.axisymmetric for side in (one, other)]
-    if not any(rings):
-        return  # plane bodies may have thicknesses of their own
-    if not all(rings):
+    if any(rings) and not all(rings):
         plane, ring = (other, one) if rings[0] else (one, other)
         warn(
             f"Contact {contact.label}: {ring.label!r} is of an axisymmetric body (its measure grows "
@@ -354,11 +352,21 @@ def _compare(contact: Contact, one: ContactSurface, other: ContactSurface) -> No
     x = one.points.T
     measures = [side.body.measure for side in (one, other)]
     weights = [np.broadcast_to(measure(x), x[0].shape) for measure in measures if measure]
-    if np.max(np.abs(weights[0] - weights[1])) > GIVEN * np.max(np.abs(weights)):
+    if len(weights) < 2:
+        return  # a plane body without a thickness may stand for a wide tool
+    differ = np.abs(weights[0] - weights[1]) > GIVEN * np.max(np.abs(weights))
+    if all(rings) and differ.any():
         far = int(np.argmax(x[0]))
         ratio = weights[0][far] / weights[1][far]
         warn(
             f"Contact {contact.label}: the measure of {one.label!r} is {ratio:.6g} times that of "
             f"{other.label!r} at the same place: the one may be of a whole ring (2 pi x[0]), and the "
             "other of one radian (x[0]). Forces and stiffnesses of the two are not of the same ring."
+        )
+    elif not contact.tied and (differ & (weights[0] > weights[1])).any():
+        thick, thin = (weight[np.argmax(weights[0] - weights[1])] for weight in weights)
+        warn(
+            f"Contact {contact.label}: {one.label!r} has the thickness {thick:.6g}, and meets "
+            f"{other.label!r} over {thin:.6g} of it. Pressures, stresses of friction and wear are by "
+            "the thickness of the secondary: take the thinner side as secondary."
         )

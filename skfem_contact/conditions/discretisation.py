@@ -35,7 +35,7 @@ from skfem_contact.bodies.facet_kinds import area_integrals
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface, NoBody
 from skfem_contact.conditions.contact import Contact
-from skfem_contact.digits import COMPUTED, DECIMALS, GIVEN, SOLVED
+from skfem_contact.digits import DECIMALS, GIVEN, SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.obstacles.obstacle import MotionLike, Obstacle
 from skfem_contact.pairing.corners import Names, corner_contacts
@@ -44,6 +44,7 @@ from skfem_contact.pairing.mortar import dual_mortar
 from skfem_contact.pairing.node import Pairing, at_control_points, gap_vectors, node_to_segment
 from skfem_contact.pairing.projection import rim_points
 from skfem_contact.pairing.search import FACING
+from skfem_contact.pairing.segmentation import poor_nodes
 from skfem_contact.trees import Tree
 
 
@@ -206,10 +207,10 @@ def _without_nodes(pairing: Pairing) -> Pairing:
 def _without_idle(contact: Contact, pairing: Pairing) -> Pairing:
     """The pairing less points whose force has nothing to do with the pressure.
 
-    The end of a quadratic facet on the axis of symmetry has no area: its force vanishes with any
-    constant pressure, and the sign of what is left is not that of the pressure. Glued, it may stay.
+    The end of a quadratic facet on the axis of symmetry has next to no area: its force vanishes with
+    any constant pressure, and the sign of what is left is not that of the pressure. Glued, it may stay.
     """
-    idle = _idle_points(contact.secondary, pairing.area)
+    idle = _idle_points(contact.secondary)
     if contact.tied or not (idle & pairing.paired).any():
         return pairing
     return _without(pairing, idle)
@@ -221,11 +222,11 @@ def _without(pairing: Pairing, left_out: Mask) -> Pairing:
     return replace(pairing, paired=pairing.paired & ~left_out, gap=gap)
 
 
-def _idle_points(surface: ContactSurface, area: Array) -> Mask:
-    """Points whose shape function has integral zero, shape (m,)."""
-    middle = np.zeros(len(surface.points))
-    np.maximum.at(middle, surface.facets, area[surface.facets].max(axis=1)[:, None])
-    return np.asarray(area <= COMPUTED * middle)
+def _idle_points(surface: ContactSurface) -> Mask:
+    """Points whose function has next to no integral on any facet, shape (m,)."""
+    idle = np.ones(len(surface.points), dtype=bool)
+    idle[surface.facets[~poor_nodes(surface)]] = False
+    return idle
 
 
 def carriers(surface: ContactSurface, pairing: Pairing) -> Index:
@@ -239,7 +240,7 @@ def carriers(surface: ContactSurface, pairing: Pairing) -> Index:
     if surface.dim == 2 and surface.quadratic:
         at, middle = surface.facets, heir.copy()
         middle[at[:, :2]] = at[:, 2:]
-        lonely = _idle_points(surface, surface.area) & ~pairing.paired
+        lonely = _idle_points(surface) & ~pairing.paired
         heir = np.where(lonely, middle, heir)
     row, col, weight = entries(pairing.secondary_weights)
     lent = ~pairing.paired[col] & (row != col)

@@ -11,12 +11,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from skfem.assembly import LinearForm
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import number, numbers, shown, suggest
 from skfem_contact.arrays import Array, check_finite, check_size, same
+from skfem_contact.bodies.inputs import is_load
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.system import System, slices
 from skfem_contact.conditions.contact import Contact, field_values
@@ -172,7 +172,7 @@ class StepReader:
         parts: dict[int, Any] = dict(before)
         for name, value in given.items():
             i = self.system.index(name)
-            factor = np.ndim(value) == 0 and not isinstance(value, Mapping | LinearForm)  # on its own
+            factor = not is_load(value) and np.ndim(value) == 0  # on its own
             body, own = self.system.bodies[i], load[self._spans[i]]
             parts[i] = self._times(value).get(i) if factor else body.apart(value, own)
         return {i: part for i, part in parts.items() if part is not None}
@@ -216,7 +216,7 @@ class StepReader:
     ) -> Array:
         """What a step gives to one body, from what it was and what is the body's own, (n_body,)."""
         body, label = self.system.bodies[self.system.index(name)], f"{what} of body {name!r}"
-        if what == "f" and isinstance(value, Mapping | LinearForm) and not isinstance(body, RigidBody):
+        if what == "f" and is_load(value) and not isinstance(body, RigidBody):
             return body.load(value, label) * scale
         if isinstance(value, Mapping):
             if what == "x" and isinstance(body, RigidBody):

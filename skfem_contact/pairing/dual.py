@@ -26,8 +26,8 @@ to extrapolate from there to the node, and ``int N_i`` of a quadratic one can be
 pressure would have no sign. A node whose share ``int P_i`` is less than a quarter of what it has on the
 whole facet hands its multiplier on this facet to the nearest nodes that keep theirs, in proportion to
 their shares: nothing depends on the order of the nodes. So does the node of a quadratic line on the
-axis of symmetry, where ``int N_i 2 pi r dr`` is zero. Where no node has as much, the best covered keep
-theirs. What the rows then weigh in all is bounded by
+axis of symmetry, where ``int N_i 2 pi r dr`` is zero, or next to zero on a curve. Where no node has as
+much, the best covered keep theirs. What the rows then weigh in all is bounded by
 
     int |phi| <= (area int phi^2)^(1/2),
 
@@ -81,11 +81,8 @@ from skfem_contact.bodies.facet_kinds import FacetKind, positive_functions
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import GIVEN, SINGLE
 from skfem_contact.pairing.search import FACING
-from skfem_contact.pairing.segmentation import Segmentation
+from skfem_contact.pairing.segmentation import SHARE_KEPT, Segmentation
 from skfem_contact.records import dataclass
-
-# A multiplier of its own needs this share of the node's integral over the whole facet.
-SHARE_KEPT = 1 / 4
 
 # The weights of a row are bounded by this times those of whole facets: the number at which two
 # multipliers become one on a line whose middle third is covered. On lines the sum of |weights| is then

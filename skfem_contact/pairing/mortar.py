@@ -63,7 +63,6 @@ from skfem_contact.pairing.closest import LEAN, overhang, search_range
 from skfem_contact.pairing.dual import (
     FREE,
     MET,
-    SHARE_KEPT,
     DualBasis,
     Supports,
     dual_basis,
@@ -73,7 +72,13 @@ from skfem_contact.pairing.dual import (
     without_multiplier,
 )
 from skfem_contact.pairing.node import Pairing, gap_vectors
-from skfem_contact.pairing.segmentation import Moments, Segmentation, segment, whole_shares
+from skfem_contact.pairing.segmentation import (
+    SHARE_KEPT,
+    Moments,
+    Segmentation,
+    segment,
+    whole_shares,
+)
 from skfem_contact.pairing.smooth import (
     TINY,
     Bulges,

@@ -41,10 +41,10 @@ from functools import cached_property
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, cross, dot, runs, sizes, summed, unit
+from skfem_contact.arrays import Array, Index, Mask, cross, dot, runs, sizes, summed, unit
 from skfem_contact.bodies.facet_kinds import KINDS, FacetKind, area_elements, positive_functions
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import COMPUTED, NEWTON_STEPS, ROUND_OFF, SINGLE
+from skfem_contact.digits import COMPUTED, NEWTON_STEPS, SINGLE
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.cells import (
     AFFINE,
@@ -69,6 +69,9 @@ from skfem_contact.records import dataclass
 # Degrees of the quadrature: at least, in parts of curved facets, and by how much more than for
 # polynomials on faces that are neither parallelograms nor triangles.
 LEAST, CURVED, ROOTS = 5, 10, 7
+
+# A multiplier of its own needs this share of the node's integral over the whole facet.
+SHARE_KEPT = 1 / 4
 
 # Degree of heights, squares of coordinates; they are integrated with linear or bilinear functions.
 HEIGHTS = 2
@@ -426,8 +429,8 @@ class Moments:
 def whole_shares(surface: ContactSurface) -> Array:
     """Integrals of what the multipliers are dual to over whole facets, shape (nf, k) [area].
 
-    Where one is zero, at the end of a quadratic line on the axis of symmetry, it is that of a facet of
-    the same area off the axis: every share is a part of something.
+    Where one is next to zero, as at `poor_nodes`, it is that of a facet of the same area off the
+    axis: every share is a part of something.
     """
     kind, measure = surface.kind, surface.body.measure
     at, weight = kind.quadrature(2 * kind.degree)
@@ -435,6 +438,21 @@ def whole_shares(surface: ContactSurface) -> Array:
     area = sizes(area_elements(surface.points, surface.facets, kind, at)) * weight
     if measure is not None:
         area = area * measure(np.moveaxis(N @ surface.measured_at[surface.facets], -1, 0))
-    tests = N @ positive_functions(kind).T
-    whole, plain = area @ tests, np.outer(area.sum(axis=1), positive_functions(kind) @ kind.shares)
-    return np.asarray(np.where(whole > ROUND_OFF * plain, whole, plain))
+    whole, plain = _positive_shares(kind, area @ N)
+    return np.asarray(np.where(whole > SHARE_KEPT**2 * plain, whole, plain))
+
+
+def poor_nodes(surface: ContactSurface) -> Mask:
+    """Nodes of facets whose function has next to no integral there, shape (nf, k).
+
+    The end of a quadratic line on the axis of symmetry: its integral is zero if the line is straight,
+    else that of the curvature, and a force over it is off by the errors of the neighbours' forces.
+    """
+    whole, plain = _positive_shares(surface.kind, surface.shares)
+    return np.asarray(whole <= SHARE_KEPT**2 * plain)
+
+
+def _positive_shares(kind: FacetKind, shares: Array) -> tuple[Array, Array]:
+    """Integrals of the positive functions, and those on straight facets of the same area, (nf, k)."""
+    positive = positive_functions(kind)
+    return shares @ positive.T, np.outer(shares.sum(axis=1), positive @ kind.shares)

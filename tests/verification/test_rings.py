@@ -452,3 +452,35 @@ def test_L3_torque_reverses():
     assert torque < 0
     assert_allclose(over.moment((0, 0)), -torque, rtol=1e-10)
     assert_allclose(back.moment((0, 0)), -torque * (1.999 - 1) / 1, rtol=1e-9)
+
+
+# -- shells with a fit, on their axis of symmetry -------------------------------------------------
+
+
+def shell(a, b, facets, name):
+    """Half of a hollow ball about the axis, of quadratic elements with their middle nodes on it."""
+    r, angle = np.linspace(a, b, 5), np.linspace(0, np.pi / 2, facets + 1)
+    flat = fem.MeshQuad2.from_mesh(fem.MeshQuad.init_tensor(r, angle)).with_defaults()
+    mesh = flat.morphed(lambda p: p[0] * np.sin(p[1]), lambda p: p[0] * np.cos(p[1]))
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad2()), intorder=6)
+    steel = sc.Elastic(*STEEL)
+    return sc.Body(basis, steel, D={"top": "y"}, measure=lambda x: 2 * np.pi * x[0], name=name)
+
+
+@pytest.mark.parametrize("method", ["node", "mortar"])
+def test_pressure_on_the_axis_of_a_ball(method):
+    """Two shells with a fit press evenly: no node of a curve on its axis has a pressure of its own.
+
+    Lamé: ``u = C r + B / r²`` in both. The node on the axis has next to no area; its force over it was
+    2.4 times the pressure on all meshes.
+    """
+    E, nu = STEEL
+    inner, outer = shell(5.0, 10.0, 8, "inner"), shell(10.0, 15.0, 8, "outer")
+    fit = sc.Contact(outer.surface("left"), inner.surface("right"), interference=0.01, method=method)
+    result = sc.ContactSolver([inner, outer], fit).solve()
+    soft = sum(
+        ((1 - 2 * nu) * 10.0**3 + (1 + nu) / 2 * far**3) / abs(far**3 - 10.0**3) * 10.0 / E
+        for far in (5.0, 15.0)
+    )
+    assert_allclose(result.pressure, 0.01 / soft, rtol=5e-3)
+    assert result.error_estimate.pressure.total < 5e-3
