@@ -119,6 +119,20 @@ def test_other_laws_have_derivatives(law):
         assert worst(state, by, WIDTH[by]) < CLOSE
 
 
+def test_a_stiffness_takes_the_load_of_a_temperature_with_it():
+    """Held on both sides a block presses by its modulus, in steps that name the load too."""
+    basis = rectangle(np.linspace(0, 1, 5), np.linspace(0, 1, 5))
+    steel = sc.Elastic(2.0, 0.3, expansion=1e-3)
+    block = sc.Body(basis, steel, f=steel.warmed(2.0), D="bottom", name="block")
+    top = sc.Contact(block.surface("top"), sc.RigidPlane((0, 1), (0, -1)))
+    solver = sc.ContactSolver(block, top)
+    for result in solver.history([1.0, 0.5, {"f": {"block": steel.warmed(3.0)}}]):
+        found = result.sensitivity("stiffness")
+        assert result.force[1] < -1e-3 and np.abs(result.u).max() > 1e-4
+        assert_allclose(found.force, result.force, rtol=1e-12, atol=1e-15)
+        assert_allclose(found.u, 0.0, atol=1e-15)
+
+
 def test_slips_turn_on_springs():
     """In space, with a finite stiffness, friction turns with the force of the step before."""
     state = State(0, 3, lambda mu: sc.Coulomb(0.5 * mu, stiffness=3.0))
@@ -860,6 +874,10 @@ def test_wrong_questions_are_refused():
     for words, ask in cases.items():
         with pytest.raises(sc.errors.InputError, match=words):
             ask()
+    twins = [pressed(friction=sc.Coulomb(mu)) for mu in (0.2, 0.25, 0.4)]
+    scenes = [sc.answers.Parameter("scene", between=(twins[0], other, 0.1)) for other in twins[1:]]
+    with pytest.raises(sc.errors.InputError, match="which is another parameter"):
+        result.sensitivity(scenes[0], after=result.sensitivity(scenes[1]))
     smooth = pressed().solve(x={"block": {"top": (0.0, -0.01)}})
     with pytest.raises(sc.errors.InputError, match="without friction nothing tangential"):
         smooth.sensitivity("gap").slip  # noqa: B018

@@ -132,6 +132,22 @@ def test_modes_are_those_of_reduced_matrices(slipping):
     assert np.all(found.frequency <= solver.modes(result, 10).frequency * (1 + 1e-12))
 
 
+def test_joints_that_give_are_springs():
+    """A stiff block on soft points that stick: ``G`` of each, and the mass; load steps agree."""
+    G = 0.01
+    block = bar(0, 1, 4, sc.Elastic(1e4, 0.3, density=2.0), f={"top": (0.0, -0.1)}, name="block")
+    foot = sc.Contact(
+        block.surface("bottom"),
+        sc.RigidPlane((0, 0), (0, 1)),
+        friction=sc.Coulomb(0.5, stiffness=G),
+    )
+    solver = sc.ContactSolver(block, foot)
+    result = solver.solve()
+    modes = solver.modes(result, 1)
+    assert modes.frequency[0] == pytest.approx(np.sqrt(5 * G / 2.0) / (2 * np.pi), rel=1e-4)
+    assert solver.damping(result, modes, 1e-3).frequency[0] == pytest.approx(modes.frequency[0])
+
+
 def test_bolts_are_locked():
     """A tightened bolt vibrates as it is, without the section that slid while it was tightened."""
     steel = sc.Elastic(210e3, 0.3, density=7.85e-9)

@@ -50,7 +50,8 @@ class Parameter:
             The coefficient of `Coulomb`, the bound ``tau_max`` of `Tresca`, of contacts `of`.
         "stiffness"
             A factor on the stiffness of bodies `of`, 1 where it is as it is: Young's modulus over
-            what it is. With `along`, a matrix dK/dp of one body.
+            what it is, with the load ``steel.warmed(T)`` that grows with it. With `along`, a matrix
+            dK/dp of one body.
         "load"
             ``f + p along`` of bodies `of`; a factor on f if `along` is not given. Thermal strains are a
             load too. Where a step is a number it multiplies `along` as it does f.
@@ -177,6 +178,8 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
             body, u = system.bodies[i], answer.stretched(system.bodies[i])
             if not issparse(along):
                 borne[at] = _borne(body, answer.stiffness[i], u)
+                if not body.finite_strain and i in case.apart:
+                    borne[at] -= case.apart[i][: body.n]
                 if bolts:  # the stiffness of a step that gives their forces lets them slide
                     P = bolts.pulls[:, at]
                     borne[at] -= P.T @ (tangent.by_pull * (P @ u))

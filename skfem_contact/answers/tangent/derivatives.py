@@ -14,6 +14,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse import issparse
 
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.tangent.changes import LOADS, Parameter, change, contracted, parameters
@@ -132,13 +133,25 @@ def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int)
     [by] = parameters(by, many=False)
     if side not in (-1, 0, 1):
         raise InputError(f"side = {shown(side)}; it may be 1, -1, or 0 for the statuses that hold")
-    if after is not None and (repr(after.by), after.side) != (repr(by), side):
-        raise InputError(f"after is by {after.by!r}, side {after.side}; here by {by!r}, side {side}")
+    if after is not None and not (_same(after.by, by) and after.side == side):
+        raise InputError(
+            f"after is by {after.by!r}, side {after.side}; here by {by!r}, side {side}, which is "
+            "another parameter: give the sensitivity of the step before by this one"
+        )
     sign, last = -1.0 if side < 0 else 1.0, {} if after is None else after._values
     found = {name: sign * own for name, own in change(by, tangent).items()}
     at_kink = side and len(tangent.kinks)
     rates = Verge(tangent, found, last).rates() if at_kink else forward(tangent, found, last)
     return Sensitivity(by, side, tangent.answer, rates)
+
+
+def _same(one: Parameter, other: Parameter) -> bool:
+    """Whether two parameters are one: what is printed of them leaves scenes and long arrays out."""
+    if repr(one) != repr(other) or one.between != other.between:
+        return False
+    if issparse(one.along):
+        return one.along.shape == other.along.shape and not (one.along != other.along).nnz
+    return np.array_equal(one.along, other.along)
 
 
 # -- histories ------------------------------------------------------------------------------------

@@ -1,8 +1,8 @@
 r"""Vibration about a state of contact: its modes, and how friction damps them.
 
 *Modes* are those of an assembly that is pressed together, or slides. Small vibrations leave the
-statuses of all points as they are: closed gaps stay closed, and what sticks sticks. With
-``u = T u_r`` under these constraints
+statuses of all points as they are: closed gaps stay closed, and what sticks sticks, by the spring of
+its law where that has one. With ``u = T u_r`` under these constraints
 
     T'KT u_r = omega^2 T'MT u_r.
 
@@ -55,6 +55,7 @@ from skfem_contact.arguments import check_kind, numbers, shown, whole_number
 from skfem_contact.arrays import Array
 from skfem_contact.assemblies.joints import aligned
 from skfem_contact.bodies.system import System
+from skfem_contact.conditions.rows import tangential_matrix
 from skfem_contact.conditions.state import OPEN, STICK
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError, SingularMatrix, warn
@@ -137,6 +138,15 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
     stick = closed & (interface.frictional | interface.tied)
     if slipping != "stuck":
         stick &= answer.local.status == STICK
+    spring = np.zeros(len(stick))  # of joints that give; those of a loop are none
+    for part, own in interface.laws:
+        G = own.law.stiffness
+        if G is not None and np.isfinite(G):
+            spring[part] = G * (stick & interface.frictional)[part]
+    stick &= spring == 0
+    if np.any(spring):
+        each = spring[:, None, None] * np.eye(answer.kin.tangents)
+        K = csr_matrix(K + tangential_matrix(answer.kin.B_t, each))
     slope = Tangent(answer).slope if slipping == "steady" else 0.0
     trial = left_free(answer, closed, stick)
     test = left_free(answer, closed, stick, slope) if np.any(slope) else trial
