@@ -357,6 +357,18 @@ def test_wrong_questions_are_refused():
             ask()
 
 
+@pytest.mark.parametrize("hardening", [[(1.0, 0.0), (2.0, 0.1)], lambda p: (1 + 9 * p, 9 + 0 * p)])
+def test_what_has_yielded_vibrates_as_it_was(hardening):
+    """To and fro without flowing again: the frequencies of before, whatever the step came through."""
+    basis = rectangle(np.linspace(0, 10, 21), np.linspace(0, 1, 3))
+    metal = sc.J2(1000.0, 0.3, hardening)
+    band = sc.NonlinearBody(basis, metal, D=["left", {"right": "y"}], mass=1.0, name="band")
+    solver = sc.ContactSolver(band, apart(band))
+    steps = [{"x": {"band": {"right": (None, -down)}}} for down in (0.01, 0.2, 0.4)]
+    before, _, after = (solver.modes(result, 4).frequency for result in solver.history(steps))
+    assert_allclose(after, before, rtol=1e-9)
+
+
 def test_a_stretched_band_sounds_higher():
     """Modes of a body that is not linear are those of its tangent at the answer, stresses included."""
     mesh = fem.MeshQuad.init_tensor(np.linspace(0, 4, 17), np.linspace(0, 0.25, 3)).with_defaults()

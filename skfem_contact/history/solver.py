@@ -745,8 +745,12 @@ class ContactSolver(Variants):
 
         check_kind(result, ContactResult, "result", "give one of solve() or history()")
         answer = result._answer
-        # with bolts locked; of bodies that are not linear the tangent at the answer
-        pairs = zip(self.system.bodies, self._stiffness, answer.stiffness, strict=True)
+        # with bolts locked; of bodies that are not linear the tangent where a step from here begins:
+        # in a small vibration nothing flows on
+        stiffness = answer.stiffness
+        if answer.placed is not None and any(answer.material):
+            stiffness = answer.placed.moved(self.system, answer.u, answer.case.apart).stiffness
+        pairs = zip(self.system.bodies, self._stiffness, stiffness, strict=True)
         return modes(answer, [K if body.nonlinear else own for body, own, K in pairs], n, slipping)
 
     @known_keywords(**OF_SOLVER)
