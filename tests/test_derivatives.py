@@ -857,6 +857,19 @@ def test_wrong_questions_are_refused():
         ),
         "is many numbers": lambda: result.sensitivity(sc.answers.Parameter("gap", field=True)),
         "side = 2": lambda: result.sensitivity("gap", side=2),
+        "by one parameter, and 2": lambda: result.sensitivity(["gap", "friction"]),
+        "not a Sensitivity": lambda: result.sensitivity("gap", after=result),
+        "no such obstacle; there are 'floor'": lambda: result.sensitivity(
+            sc.answers.Parameter("motion", of="block", along=(1.0, 0.0))
+        ),
+        "give a translation": lambda: result.sensitivity(
+            sc.answers.Parameter("motion", along=((1.0, 0.0), 0.1, (0.0, 0.0)))
+        ),
+        "has no bolts": lambda: result.sensitivity("bolt_force"),
+        "several values are for solver.jacobian": lambda: solver.gradient(
+            lambda r: (r[0].force, [None]), [STEP], by="gap"
+        ),
+        r"of one, \[value\]": lambda: solver.jacobian(lambda r: (1.0, [None]), [STEP], by="gap"),
         "after is by": lambda: result.sensitivity("gap", after=result.sensitivity("friction")),
         r"has shape \(3,\), not \(5,\)": lambda: result.sensitivity("gap").dot({"gap": np.ones(3)}),
         "named 'heat'": lambda: result.sensitivity("gap").dot({"heat": 1.0}),
@@ -878,7 +891,13 @@ def test_wrong_questions_are_refused():
     scenes = [sc.answers.Parameter("scene", between=(twins[0], other, 0.1)) for other in twins[1:]]
     with pytest.raises(sc.errors.InputError, match="which is another parameter"):
         result.sensitivity(scenes[0], after=result.sensitivity(scenes[1]))
+    with pytest.raises(AttributeError, match="did you mean 'pressure'"):
+        result.sensitivity("gap").presure  # noqa: B018
     smooth = pressed().solve(x={"block": {"top": (0.0, -0.01)}})
+    with pytest.raises(sc.errors.InputError, match="no contact has friction"):
+        smooth.sensitivity("friction")
+    with pytest.raises(sc.errors.InputError, match="'foot' has no friction"):
+        smooth.sensitivity(sc.answers.Parameter("friction", of="foot"))
     with pytest.raises(sc.errors.InputError, match="without friction nothing tangential"):
         smooth.sensitivity("gap").slip  # noqa: B018
 

@@ -351,6 +351,9 @@ def test_wrong_questions_are_refused():
         "no mass is given of 'bare'": lambda: alone(bare, 2),
         "by volume is positive": lambda: bar(0, 1, 2, mass=-1.0).mass,
         "give the mass by volume": lambda: bar(0, 1, 2, mass="heavy").mass,
+        r"is \(1.0, 1.0\) \(tuple\); give the mass by volume": lambda: (
+            bar(0, 1, 2, mass=(1.0, 1.0)).mass
+        ),
     }
     for words, ask in cases.items():
         with pytest.raises(sc.errors.InputError, match=words):

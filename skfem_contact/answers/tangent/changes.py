@@ -140,6 +140,8 @@ def change(by: Parameter, tangent: Tangent) -> Values:
     if by.kind == "scene":
         return _between(by, tangent)
     if by.kind in BOLTS and tangent.bolts is None:
+        if not tangent.answer.bolt_names:
+            raise InputError(f"{by!r}: the solver has no bolts, ContactSolver(..., bolts=[...])")
         return {}
     answer, places = tangent.answer, _places(by, tangent.answer)
     (m, d), b = answer.kin.normal.shape, len(answer.bolt_names)
@@ -221,6 +223,8 @@ def _by_coefficient(tangent: Tangent, i: int, part: slice) -> Array:
     force = np.maximum(answer.local.normal_force[part], 0.0)
     if type(law) is Tresca:
         return closed * area
+    if law is None:
+        raise InputError(f"contact {answer.names[i]!r} has no friction to differentiate by")
     if type(law) is not Coulomb:
         raise InputError(
             f"contact {answer.names[i]!r} has the law {type(law).__name__}, which has no single "
@@ -314,9 +318,14 @@ def _places(by: Parameter, answer: Answer) -> Places:
             tools = [c.primary.name if motion and c.rigid else None for c in contacts]
             known, number = [*names] if by.of in names else tools, number_of(by.of, contacts)
             meant = [i == number or own == by.of for i, own in enumerate(known)]
-    if not any(meant) and by.of is not None:
+            if motion:  # a surface of a body is no tool
+                what, names = "obstacle", tuple(own for own in tools if own)
+                meant = [own and c.rigid for own, c in zip(meant, contacts, strict=True)]
+    if not any(meant):
+        if by.of is None:
+            raise InputError(f"{by!r}: no contact has {'an obstacle' if motion else 'friction'}")
         words = ", ".join(map(repr, names))
-        raise InputError(f"{by!r}: there is no such {what}; there are {words}.")
+        raise InputError(f"{by!r}: there is no such {what}; there are {words or 'none'}.")
     some = [i for i, own in enumerate(meant) if own]
     return (
         [(0, some)] if what == "bolt" else [(i, answer.model.interface.point_slices[i]) for i in some]
@@ -328,7 +337,9 @@ def _field(by: Parameter, there: Array) -> Array | float:
     if by.along is None or (by.kind == "stiffness" and issparse(by.along)):
         return 1.0
     wanted = {"motion": there.shape[1:], "stiffness": ()}.get(by.kind, there.shape[:1])
-    values = numbers(by.along, f"{by!r}: along", "give a number, or one for each point or DOF")
+    usage = "give a number, or one for each point or DOF"
+    usage = "give a translation, along=(1.0, 0.0)" if by.kind == "motion" else usage
+    values = numbers(by.along, f"{by!r}: along", usage)
     if values.shape != wanted and (values.shape or by.kind == "motion"):
         raise InputError(f"{by!r}: along has shape {values.shape}, not {wanted}")
     return values.reshape(-1, *there.shape[1:])

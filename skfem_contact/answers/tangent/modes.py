@@ -51,7 +51,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.tangent.tangent import Tangent, left_free
-from skfem_contact.arguments import check_kind, numbers, shown, whole_number
+from skfem_contact.arguments import NamesAttributes, check_kind, numbers, shown, whole_number
 from skfem_contact.arrays import Array
 from skfem_contact.assemblies.joints import aligned
 from skfem_contact.bodies.system import System
@@ -75,7 +75,7 @@ MASSLESS = (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Modes:
+class Modes(NamesAttributes):
     """Modes of vibration about a state of contact, of `ContactSolver.modes`; the lowest first.
 
     Attributes
@@ -243,7 +243,7 @@ def _sized(shapes: NDArray[Any], M: csr_matrix, system: System) -> NDArray[Any]:
 
 
 @dataclass(eq=False, repr=False)
-class Damping:
+class Damping(NamesAttributes):
     """Frequency and damping of a mode against amplitude, of `ContactSolver.damping`.
 
     A displacement is that of the component that moves most in the mode, and a force what does its work
