@@ -45,7 +45,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import eig
-from scipy.sparse import block_diag, csc_matrix, csr_matrix
+from scipy.sparse import block_diag, csc_matrix, csr_matrix, issparse
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 
 from skfem_contact.answers.answer import Answer, answer_of
@@ -57,7 +57,7 @@ from skfem_contact.assemblies.joints import aligned
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.rows import tangential_matrix
 from skfem_contact.conditions.state import OPEN, STICK
-from skfem_contact.digits import COMPUTED, SOLVED
+from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.errors import InputError, SingularMatrix, warn
 from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.linalg.direct import Direct
@@ -173,6 +173,25 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
     whole, turns = np.asarray(trial.T @ found[:, order]).T, turns[order]
     growth = np.where(np.abs(turns.real) > least, turns.real, 0.0)
     return Modes(np.abs(turns.imag) / (2 * np.pi), growth, _sized(whole, M, system), slipping, system)
+
+
+def refuse_others(answer: Answer, stiffness: Sequence[csr_matrix]) -> None:
+    """Raise `InputError` for a result of a solver whose bodies have another stiffness than here.
+
+    Springs that hold a body for a moment are on the diagonal; loose bolts are another matter.
+    """
+    system = answer.system
+    for i, (name, own, there) in enumerate(zip(system.names, stiffness, answer.stiffness, strict=True)):
+        known = system.bodies[i].nonlinear or i in system.slides or not issparse(own)
+        if known or there is own:
+            continue
+        beyond = csr_matrix(there - own)
+        beyond.setdiag(0.0)
+        if abs(beyond).max() > GIVEN * abs(own).max():
+            raise InputError(
+                f"result is of a solver in which body {name!r} has another stiffness: ask the solver "
+                "that found it"
+            )
 
 
 def mass(system: System) -> csr_matrix:
@@ -328,7 +347,6 @@ def damping(
     solver: Any, result: ContactResult, modes: Modes, wanted: ArrayLike, i: int, steps: int, cycles: int
 ) -> Damping:
     """See `ContactSolver.damping`."""
-    check_kind(result, ContactResult, "result", "give one of solve() or history()")
     check_kind(modes, Modes, "modes", "give what modes(result) found")
     whole_number(i, "mode", 0, len(modes.frequency) - 1)
     if modes.shapes.shape[1] != answer_of(result).system.n:
