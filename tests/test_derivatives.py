@@ -133,6 +133,32 @@ def test_a_stiffness_takes_the_load_of_a_temperature_with_it():
         assert_allclose(found.u, 0.0, atol=1e-15)
 
 
+@pytest.mark.parametrize(
+    "steps, factor",
+    [
+        ([2.0, {"f": {"right": 0.5}}], 2.0),
+        ([2.0, {"x": {"right": 0.5}}], 2.0),
+        ([{"f": {"left": 3.0}}], 3.0),
+        ([2.0, {"f": {"left": {"top": 0.1}}}], 1.0),
+    ],
+)
+def test_what_is_added_to_a_load_is_multiplied_as_it_is(tmp_path, steps, factor):
+    """By the number that the body was given last, whatever steps name of others; also from a file."""
+    blocks, contacts, floor = [], [], sc.RigidPlane((0, 0), (0, 1))
+    for name, x in (("left", 0.0), ("right", 2.0)):
+        basis = rectangle(np.linspace(x, x + 1, 4), np.linspace(0, 1, 4))
+        settings = {"D": {"left": "x"}, "x": {"left": (1e-9, None)}}
+        blocks.append(sc.Body(basis, sc.Elastic(1.0, 0.3), f={"top": 1e-2}, name=name, **settings))
+        contacts.append(sc.Contact(blocks[-1].surface("bottom"), floor, name=f"under {name}"))
+    solver = sc.ContactSolver(blocks, contacts)
+    along = sc.answers.Parameter("load", of="left", along=blocks[0].load({"top": 1.0}, "f"))
+    result = list(solver.history(steps))[-1]
+    assert result.sensitivity(along).of("force", "under left")[1] == pytest.approx(factor)
+    known = solver.load_state(solver.save_state(tmp_path / "state", result))
+    again = solver.solve(f={"right": 1.5}, start=known)
+    assert again.sensitivity(along).of("force", "under left")[1] == pytest.approx(factor)
+
+
 def test_slips_turn_on_springs():
     """In space, with a finite stiffness, friction turns with the force of the step before."""
     state = State(0, 3, lambda mu: sc.Coulomb(0.5 * mu, stiffness=3.0))

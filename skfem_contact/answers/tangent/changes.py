@@ -54,7 +54,7 @@ class Parameter:
             dK/dp of one body.
         "load"
             ``f + p along`` of bodies `of`; a factor on f if `along` is not given. Thermal strains are a
-            load too. Where a step is a number it multiplies `along` as it does f.
+            load too. A number that a step gives, for all or the body, multiplies `along` as it does f.
         "displacement"
             The same of the prescribed displacements x.
         "interference", "gap"
@@ -193,8 +193,13 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
     if kind in LOADS:
         load = kind == "load"
         # of a body in a step over those that a user gives; or of all, with what fluids have by now
-        factor, units = case.scale[not load], system.units * np.ones(1)
-        each = (1.0 / units if load else units) * (1.0 if factor is None else factor)
+        factor, units = case.scale[not load], system.units * np.ones(system.n)
+        each = 1.0 / units if load else units
+        if factor is None and case.multiples is not None:
+            for i, at in places:
+                each[at] *= case.multiples[0 if load else 1, i]
+        elif factor is not None:
+            each = each * factor
         if by.field or by.along is not None:
             return [("f" if load else "x", FIELD, each)]
         if not load:
