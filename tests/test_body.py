@@ -199,6 +199,7 @@ TRI = fem.MeshTri().refined(1)
         (lambda: Body(BASIS, ELASTIC, measure=0.1), "pass measure=lambda x: 0.1"),
         (lambda: Body(BASIS, ELASTIC, name=3), "not a string"),
         (lambda: Body(BASIS, ELASTIC, springs=1.0), "add their matrix to K"),
+        (lambda: Body(BASIS, ELASTIC, density=1.0), "write mass=density"),
     ],
 )
 def test_what_is_no_body_is_refused_by_name(make, message):

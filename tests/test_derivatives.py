@@ -119,6 +119,46 @@ def test_other_laws_have_derivatives(law):
         assert worst(state, by, WIDTH[by]) < CLOSE
 
 
+def test_a_stiffness_takes_the_load_of_a_temperature_with_it():
+    """Held on both sides a block presses by its modulus, in steps that name the load too."""
+    basis = rectangle(np.linspace(0, 1, 5), np.linspace(0, 1, 5))
+    steel = sc.Elastic(2.0, 0.3, expansion=1e-3)
+    block = sc.Body(basis, steel, f=steel.warmed(2.0), D="bottom", name="block")
+    top = sc.Contact(block.surface("top"), sc.RigidPlane((0, 1), (0, -1)))
+    solver = sc.ContactSolver(block, top)
+    for result in solver.history([1.0, 0.5, {"f": {"block": steel.warmed(3.0)}}]):
+        found = result.sensitivity("stiffness")
+        assert result.force[1] < -1e-3 and np.abs(result.u).max() > 1e-4
+        assert_allclose(found.force, result.force, rtol=1e-12, atol=1e-15)
+        assert_allclose(found.u, 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "steps, factor",
+    [
+        ([2.0, {"f": {"right": 0.5}}], 2.0),
+        ([2.0, {"x": {"right": 0.5}}], 2.0),
+        ([{"f": {"left": 3.0}}], 3.0),
+        ([2.0, {"f": {"left": {"top": 0.1}}}], 1.0),
+    ],
+)
+def test_what_is_added_to_a_load_is_multiplied_as_it_is(tmp_path, steps, factor):
+    """By the number that the body was given last, whatever steps name of others; also from a file."""
+    blocks, contacts, floor = [], [], sc.RigidPlane((0, 0), (0, 1))
+    for name, x in (("left", 0.0), ("right", 2.0)):
+        basis = rectangle(np.linspace(x, x + 1, 4), np.linspace(0, 1, 4))
+        settings = {"D": {"left": "x"}, "x": {"left": (1e-9, None)}}
+        blocks.append(sc.Body(basis, sc.Elastic(1.0, 0.3), f={"top": 1e-2}, name=name, **settings))
+        contacts.append(sc.Contact(blocks[-1].surface("bottom"), floor, name=f"under {name}"))
+    solver = sc.ContactSolver(blocks, contacts)
+    along = sc.answers.Parameter("load", of="left", along=blocks[0].load({"top": 1.0}, "f"))
+    result = list(solver.history(steps))[-1]
+    assert result.sensitivity(along).of("force", "under left")[1] == pytest.approx(factor)
+    known = solver.load_state(solver.save_state(tmp_path / "state", result))
+    again = solver.solve(f={"right": 1.5}, start=known)
+    assert again.sensitivity(along).of("force", "under left")[1] == pytest.approx(factor)
+
+
 def test_slips_turn_on_springs():
     """In space, with a finite stiffness, friction turns with the force of the step before."""
     state = State(0, 3, lambda mu: sc.Coulomb(0.5 * mu, stiffness=3.0))
@@ -843,6 +883,19 @@ def test_wrong_questions_are_refused():
         ),
         "is many numbers": lambda: result.sensitivity(sc.answers.Parameter("gap", field=True)),
         "side = 2": lambda: result.sensitivity("gap", side=2),
+        "by one parameter, and 2": lambda: result.sensitivity(["gap", "friction"]),
+        "not a Sensitivity": lambda: result.sensitivity("gap", after=result),
+        "no such obstacle; there are 'floor'": lambda: result.sensitivity(
+            sc.answers.Parameter("motion", of="block", along=(1.0, 0.0))
+        ),
+        "give a translation": lambda: result.sensitivity(
+            sc.answers.Parameter("motion", along=((1.0, 0.0), 0.1, (0.0, 0.0)))
+        ),
+        "has no bolts": lambda: result.sensitivity("bolt_force"),
+        "several values are for solver.jacobian": lambda: solver.gradient(
+            lambda r: (r[0].force, [None]), [STEP], by="gap"
+        ),
+        r"of one, \[value\]": lambda: solver.jacobian(lambda r: (1.0, [None]), [STEP], by="gap"),
         "after is by": lambda: result.sensitivity("gap", after=result.sensitivity("friction")),
         r"has shape \(3,\), not \(5,\)": lambda: result.sensitivity("gap").dot({"gap": np.ones(3)}),
         "named 'heat'": lambda: result.sensitivity("gap").dot({"heat": 1.0}),
@@ -860,7 +913,17 @@ def test_wrong_questions_are_refused():
     for words, ask in cases.items():
         with pytest.raises(sc.errors.InputError, match=words):
             ask()
+    twins = [pressed(friction=sc.Coulomb(mu)) for mu in (0.2, 0.25, 0.4)]
+    scenes = [sc.answers.Parameter("scene", between=(twins[0], other, 0.1)) for other in twins[1:]]
+    with pytest.raises(sc.errors.InputError, match="which is another parameter"):
+        result.sensitivity(scenes[0], after=result.sensitivity(scenes[1]))
+    with pytest.raises(AttributeError, match="did you mean 'pressure'"):
+        result.sensitivity("gap").presure  # noqa: B018
     smooth = pressed().solve(x={"block": {"top": (0.0, -0.01)}})
+    with pytest.raises(sc.errors.InputError, match="no contact has friction"):
+        smooth.sensitivity("friction")
+    with pytest.raises(sc.errors.InputError, match="'foot' has no friction"):
+        smooth.sensitivity(sc.answers.Parameter("friction", of="foot"))
     with pytest.raises(sc.errors.InputError, match="without friction nothing tangential"):
         smooth.sensitivity("gap").slip  # noqa: B018
 

@@ -431,6 +431,7 @@ def test_materials_go_to_other_processes(material):
         (lambda: MooneyRivlin(1.0, -2.0, bulk=1.0), "have to be > 0"),
         (lambda: FromFunction(3.0), "not a function"),
         (lambda: J2(E, NU, 250, hardening=1.0), "write kinematic"),
+        (lambda: NeoHooke(E=1.0, nu=0.3), r"write NeoHooke.of\(E, nu\)"),
         (lambda: MooneyRivlin(1.0, bulc=1.0), "did you mean 'bulk'"),
     ],
 )

@@ -132,6 +132,22 @@ def test_modes_are_those_of_reduced_matrices(slipping):
     assert np.all(found.frequency <= solver.modes(result, 10).frequency * (1 + 1e-12))
 
 
+def test_joints_that_give_are_springs():
+    """A stiff block on soft points that stick: ``G`` of each, and the mass; load steps agree."""
+    G = 0.01
+    block = bar(0, 1, 4, sc.Elastic(1e4, 0.3, density=2.0), f={"top": (0.0, -0.1)}, name="block")
+    foot = sc.Contact(
+        block.surface("bottom"),
+        sc.RigidPlane((0, 0), (0, 1)),
+        friction=sc.Coulomb(0.5, stiffness=G),
+    )
+    solver = sc.ContactSolver(block, foot)
+    result = solver.solve()
+    modes = solver.modes(result, 1)
+    assert modes.frequency[0] == pytest.approx(np.sqrt(5 * G / 2.0) / (2 * np.pi), rel=1e-4)
+    assert solver.damping(result, modes, 1e-3).frequency[0] == pytest.approx(modes.frequency[0])
+
+
 def test_bolts_are_locked():
     """A tightened bolt vibrates as it is, without the section that slid while it was tightened."""
     steel = sc.Elastic(210e3, 0.3, density=7.85e-9)
@@ -327,18 +343,38 @@ def test_masses_that_move_nothing_are_refused(n):
 def test_wrong_questions_are_refused():
     """Masses and numbers that are missing or make no sense."""
     solver, result = pressed()
-    bare = bar(0, 4, 8, sc.Elastic(1.0, 0.3), name="bare")
+    bare, own = bar(0, 4, 8, sc.Elastic(1.0, 0.3), name="bare"), bar(0, 4, 8)
+    other = sc.ContactSolver(own, apart(own)).solve()
     cases = {
         r"slipping='away'; slipping points may be stuck": lambda: solver.modes(result, slipping="away"),
         "n is 0": lambda: solver.modes(result, 0),
         "n is 10000; give a whole number from 1 to": lambda: solver.modes(result, 10**4),
+        "body 'low' has another stiffness": lambda: solver.with_stiffness(
+            "low", 2 * result.system.bodies[0].K
+        ).modes(result),
+        "is a state of": lambda: solver.modes(other),
         "no mass is given of 'bare'": lambda: alone(bare, 2),
         "by volume is positive": lambda: bar(0, 1, 2, mass=-1.0).mass,
         "give the mass by volume": lambda: bar(0, 1, 2, mass="heavy").mass,
+        r"is \(1.0, 1.0\) \(tuple\); give the mass by volume": lambda: (
+            bar(0, 1, 2, mass=(1.0, 1.0)).mass
+        ),
     }
     for words, ask in cases.items():
         with pytest.raises(sc.errors.InputError, match=words):
             ask()
+
+
+@pytest.mark.parametrize("hardening", [[(1.0, 0.0), (2.0, 0.1)], lambda p: (1 + 9 * p, 9 + 0 * p)])
+def test_what_has_yielded_vibrates_as_it_was(hardening):
+    """To and fro without flowing again: the frequencies of before, whatever the step came through."""
+    basis = rectangle(np.linspace(0, 10, 21), np.linspace(0, 1, 3))
+    metal = sc.J2(1000.0, 0.3, hardening)
+    band = sc.NonlinearBody(basis, metal, D=["left", {"right": "y"}], mass=1.0, name="band")
+    solver = sc.ContactSolver(band, apart(band))
+    steps = [{"x": {"band": {"right": (None, -down)}}} for down in (0.01, 0.2, 0.4)]
+    before, _, after = (solver.modes(result, 4).frequency for result in solver.history(steps))
+    assert_allclose(after, before, rtol=1e-9)
 
 
 def test_a_stretched_band_sounds_higher():

@@ -463,6 +463,14 @@ def test_simplices_of_first_order_lock_and_it_is_said(kind):
     sc.NonlinearBody(basis, NeoHooke.of(1.0, 0.3))
 
 
+def test_a_material_of_two_parts_is_refused():
+    """What a function has to return is said, not how many values Python could not unpack."""
+    basis = basis_of("quad")[0]
+    law = FromFunction(lambda H, state: (H, state))
+    with pytest.raises(sc.errors.InputError, match=r"(?s)'odd' .* three, \(stress, tangent, state\)"):
+        sc.NonlinearBody(basis, law, name="odd").linearize()
+
+
 def test_nan_of_a_material_is_an_error():
     """Not passed on into a factorisation."""
     law = FromFunction(bad(P=lambda H: np.where(H > 0.5, np.nan, H)))

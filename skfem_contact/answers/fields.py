@@ -163,6 +163,11 @@ def neighbours(surface: ContactSurface) -> csr_matrix:
     return beside
 
 
+def weighed_areas(surface: ContactSurface) -> Array:
+    """Areas of the facets with the measure of the body, (nf,)."""
+    return surface.facet_areas if surface.body.measure is None else surface.shares.sum(axis=1)
+
+
 def simplex_areas(surface: ContactSurface) -> Array:
     """Areas of the pieces or triangles of all facets, which add up to the facets', (t,)."""
     corners, d, measure = surface.kind.simplices, surface.dim, surface.body.measure
@@ -170,10 +175,10 @@ def simplex_areas(surface: ContactSurface) -> Array:
     side = x[:, 1:] - x[:, :1]
     across = side[:, 0] if surface.dim == 2 else 0.5 * np.cross(side[:, 0], side[:, 1])
     area = np.linalg.norm(across, axis=1)
-    whole = surface.facet_areas
+    whole = weighed_areas(surface)
     if measure is not None:
         at = with_centres(surface, surface.measured_at)[:, corners].reshape(-1, d, d)
-        area, whole = area * measure(at.mean(axis=1).T), surface.shares.sum(axis=1)
+        area = area * measure(at.mean(axis=1).T)
     area = area.reshape(len(surface.facets), -1)
     total = area.sum(axis=1)  # of a facet on the axis of symmetry nothing
     scale = np.divide(whole, total, out=np.zeros_like(total), where=total > 0)

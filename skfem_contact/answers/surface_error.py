@@ -46,7 +46,14 @@ import numpy as np
 from scipy.sparse import csr_matrix, diags_array
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.answers.fields import Contour, NormalEquations, contour, simplex_areas, with_centres
+from skfem_contact.answers.fields import (
+    Contour,
+    NormalEquations,
+    contour,
+    simplex_areas,
+    weighed_areas,
+    with_centres,
+)
 from skfem_contact.answers.validity.deformed_boundaries import Boundary
 from skfem_contact.answers.values import ContactValues, Three, relative
 from skfem_contact.arrays import Array, Index, Mask, tangents
@@ -208,7 +215,7 @@ def squares(surface: ContactSurface, facets: Mask, off: Array) -> Array:
     """Square integrals over facets of what is off (f, q, k) at Gauss points, by nodes, (m,)."""
     out, nodes = np.zeros(len(surface.points)), surface.facets[facets]
     weight = surface.kind.gauss[2]
-    square = np.einsum("q,fqk->f", weight / weight.sum(), off**2) * surface.facet_areas[facets]
+    square = np.einsum("q,fqk->f", weight / weight.sum(), off**2) * weighed_areas(surface)[facets]
     np.add.at(out, nodes, square[:, None] / nodes.shape[1])
     return out
 
@@ -234,7 +241,7 @@ def _lost(surface: ContactSurface, forces: Array) -> float:
     low = np.maximum(1 - along.mean(axis=1), 0.0)
     size = np.linalg.norm(forces[surface.dofs], axis=1)
     pressure = np.divide(size, surface.area, out=np.zeros_like(size), where=surface.area > 0)
-    weight = surface.facet_areas * np.sum(pressure[surface.facets] ** 2, axis=1)
+    weight = weighed_areas(surface) * np.sum(pressure[surface.facets] ** 2, axis=1)
     total = float(weight.sum())
     return float(np.sqrt(weight @ low**2 / total)) if total > 0 else 0.0
 

@@ -516,7 +516,7 @@ class ErrorSources:
 
 
 @dataclass(frozen=True, eq=False)
-class ErrorEstimate:
+class ErrorEstimate(NamesAttributes):
     """Estimated discretisation error of the tractions of one contact.
 
     Attributes

@@ -51,7 +51,11 @@ STIFF_BULK = 12.0
 
 
 @with_known_keywords(
-    f". {CONDENSED}", stiffness="write K", load="write f", springs="add their matrix to K"
+    f". {CONDENSED}",
+    stiffness="write K",
+    load="write f",
+    springs="add their matrix to K",
+    density="write mass=density, or give it to the material",
 )
 @dataclass(frozen=True, eq=False, init=False)
 class Body(Meshed):

@@ -232,6 +232,11 @@ class Continuum:
 
     def _checked(self, answer: Any, H: Array, state: State) -> tuple[Array, Array, State]:
         """Refuse what a user's function returns in another shape."""
+        if not isinstance(answer, list | tuple) or len(answer) != 3:
+            raise InputError(
+                f"the material of {self.whose} returned {shown(answer)}; it has to return three, "
+                "(stress, tangent, state), the last {} without internal variables"
+            )
         P, A, new = answer
         P, A, d, at = np.asarray(P), np.asarray(A), len(H), H.shape[2:]
         for what, T, rank in (("stress", P, 2), ("tangent", A, 4)):

@@ -29,7 +29,12 @@ from skfem_contact.records import dataclass
 SIMPLICES = ElementTriP1, ElementTetP1
 
 
-@with_known_keywords(load="write f", K="NonlinearBody has a material, or forms", form="write residual")
+@with_known_keywords(
+    load="write f",
+    K="NonlinearBody has a material, or forms",
+    form="write residual",
+    density="write mass=density, or give it to the material",
+)
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class NonlinearBody(Body):
     """A body that yields or strains by large amounts.

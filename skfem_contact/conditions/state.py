@@ -327,6 +327,8 @@ class LoadCase(ByFields):
         Of which contacts the interference is the contact's own, and not that of a step.
     scale : tuple of (float or None)
         Of which multiple of the bodies' own f and x these are; None where they were named.
+    multiples : ndarray, shape (2, bodies), or None
+        Where they were named: by which number steps multiply what is a body's own; None for ones.
     factor : float or None
         The number of the load step, where it was one.
     bolts : BoltLoads or None
@@ -344,6 +346,7 @@ class LoadCase(ByFields):
     motion: tuple[Motion, ...]
     own: tuple[bool, ...] = ()
     scale: tuple[float | None, float | None] = (None, None)
+    multiples: Array | None = None
     factor: float | None = None
     bolts: BoltLoads | None = None
     apart: Mapping[int, Array] = field(default_factory=dict)

@@ -103,6 +103,8 @@ def save_state(path: str | Path, result: Answer | SavedState) -> Path:
         data[f"motion_{f.name}"] = np.array([getattr(motion, f.name) for motion in case.motion])
     data["case_own"] = case.own
     data["case_scale"] = [np.nan if scale is None else scale for scale in (*case.scale, case.factor)]
+    if case.multiples is not None:
+        data["case_multiples"] = case.multiples
     data["dissipation_before"] = result.dissipation_before
     data["dissipation_by_contact"] = result.dissipation_by_contact
     data |= {f"identity_{f.name}": getattr(result.identity, f.name) for f in fields(Identity)}
@@ -206,6 +208,7 @@ def _state(path: Path, data: dict[str, Any], identity: Identity) -> SavedState:
         motion=motion,
         own=tuple(map(bool, data["case_own"])),
         scale=(scale[0], scale[1]),
+        multiples=data.get("case_multiples"),
         factor=scale[2],
         apart={int(key[6:]): data[key] for key in data if key.startswith("apart_")},
     )

@@ -87,6 +87,7 @@ class StepReader:
             x=found if x is None else x * self.system.x,
             own=tuple(own),
             scale=start.scale,
+            multiples=start.multiples,
             factor=start.factor,
             apart=start.apart if f is None else self._times(f),
         )
@@ -138,6 +139,7 @@ class StepReader:
                 f=load,
                 x=self.vector("x", x, before.x, self.system.x),
                 scale=(before.scale[0] if f is None else None, before.scale[1] if x is None else None),
+                multiples=self._multiples((f, x), before),
                 factor=None,
                 bolts=self._tightened(step.get("bolt")),
                 apart=self._apart(f, load, before.apart),
@@ -176,6 +178,21 @@ class StepReader:
             body, own = self.system.bodies[i], load[self._spans[i]]
             parts[i] = self._times(value).get(i) if factor else body.apart(value, own)
         return {i: part for i, part in parts.items() if part is not None}
+
+    def _multiples(self, given: tuple[Any, Any], before: LoadCase) -> Array:
+        """By which numbers steps multiply the own f and x of each body, (2, bodies)."""
+        out = np.ones((2, len(self.system.bodies)))
+        if before.multiples is not None:
+            out[:] = before.multiples
+        for row, scale, named in zip(out, before.scale, given, strict=True):
+            if scale is not None:
+                row[:] = scale
+            if named is not None and not isinstance(named, Mapping):
+                row[:] = 1.0
+            for name, value in named.items() if isinstance(named, Mapping) else ():
+                plain = np.ndim(value) == 0 and not isinstance(value, Mapping | LinearForm)
+                row[self.system.index(name)] = value if plain else 1.0
+        return out
 
     def vector(self, what: str, given: Any, before: Array, own: Array) -> Array:
         """A stacked vector from a dict by body name, a stacked vector, or None."""
@@ -260,7 +277,8 @@ class StepReader:
                 whose = f"motion of {self.names[i]!r}"
                 moved[i] = Motion(*read_motion(value, self.kin.points.shape[1], whose))
         placed = self._placed(values, tuple(moved))
-        return copied(placed, f=before.f, x=before.x, own=tuple(own), scale=before.scale)
+        kept = {"f": before.f, "x": before.x, "scale": before.scale, "multiples": before.multiples}
+        return copied(placed, own=tuple(own), **kept)
 
     def _tightened(self, given: Any) -> BoltLoads | None:
         """The forces or stretches of bolts that a step names; None where it names no bolt."""

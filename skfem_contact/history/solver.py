@@ -697,7 +697,8 @@ class ContactSolver(Variants):
         """Modes of vibration about a result: closed points stay closed.
 
         Bodies need a mass, ``Body(..., mass=density)``. They may be free, and bolts are locked. With
-        ``sliding="finite"`` the points are those of the deformed bodies.
+        ``sliding="finite"`` the points are those of the deformed bodies. Normals stay as they are: what
+        a force does as they turn, as with a ball that rolls in a bowl, is not in the stiffness.
 
         Parameters
         ----------
@@ -741,12 +742,18 @@ class ContactSolver(Variants):
             0  565.191
             1  1376.18
         """
-        from skfem_contact.answers.tangent.modes import modes
+        from skfem_contact.answers.tangent.modes import modes, refuse_others
 
         check_kind(result, ContactResult, "result", "give one of solve() or history()")
+        self._answering.known(result, "result")
         answer = result._answer
-        # with bolts locked; of bodies that are not linear the tangent at the answer
-        pairs = zip(self.system.bodies, self._stiffness, answer.stiffness, strict=True)
+        refuse_others(answer, self._stiffness)
+        # with bolts locked; of bodies that are not linear the tangent where a step from here begins:
+        # in a small vibration nothing flows on
+        stiffness = answer.stiffness
+        if answer.placed is not None and any(answer.material):
+            stiffness = answer.placed.moved(self.system, answer.u, answer.case.apart).stiffness
+        pairs = zip(self.system.bodies, self._stiffness, stiffness, strict=True)
         return modes(answer, [K if body.nonlinear else own for body, own, K in pairs], n, slipping)
 
     @known_keywords(**OF_SOLVER)
@@ -797,8 +804,11 @@ class ContactSolver(Variants):
         ContactWarning
             A loop did not close.
         """
-        from skfem_contact.answers.tangent.modes import damping
+        from skfem_contact.answers.tangent.modes import damping, refuse_others
 
+        check_kind(result, ContactResult, "result", "give one of solve() or history()")
+        self._answering.known(result, "result")
+        refuse_others(result._answer, self._stiffness)
         return damping(self, result, modes, amplitudes, mode, steps, cycles)
 
     @known_keywords(**OF_SOLVER)

@@ -371,7 +371,7 @@ class Hyperelastic(PrintedAsCall, Split):
         return stored, np.zeros_like(J)
 
 
-@with_known_keywords()
+@with_known_keywords(**dict.fromkeys(("E", "nu"), "write NeoHooke.of(E, nu)"))
 @dataclass(frozen=True, eq=False)
 class NeoHooke(Hyperelastic):
     r"""Compressible neo-Hooke: ``W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2``.

@@ -145,9 +145,10 @@ class J2(Split, Isotropic):
         q = np.sqrt(1.5 * ddot(xi, xi))
         dp = np.zeros_like(q)
         grows = np.zeros_like(q)  # share of q that p takes in further loading
-        flows = q > self.yields(p)[0]
+        Y, reach = self.yields(p)[0], q + self._stiff * p
+        flows = q - Y > COMPUTED * reach  # a step that begins where one has flowed is elastic at first
         if flows.any():
-            new = self._plastic_strain(q[flows] + self._stiff * p[flows], p[flows])
+            new = self._plastic_strain(reach[flows], p[flows])
             dp[flows] = new - p[flows]
             grows[flows] = 3.0 * mu / (self._stiff + self.yields(new)[1])
         over = 1.0 / np.where(flows, q, 1.0)

@@ -308,6 +308,23 @@ def test_units_do_not_matter():
     assert_allclose(values[1], values[0], rtol=1e-8, atol=1e-12)
 
 
+@pytest.mark.parametrize("element", [fem.ElementQuad1, fem.ElementQuad2])
+def test_a_thickness_does_not_matter(element):
+    """Of facets and of nodes the squares have the weight of the norm that they are divided by."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(-1, 1, 21), np.linspace(0, 1, 11)).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(element()))
+    parts = []
+    for thickness in (1.0, 1e4):
+        settings = {"measure": lambda x, t=thickness: t + 0 * x[0], "x": {"top": (0.0, -0.02)}}
+        block = sc.Body(basis, sc.Elastic(1.0, 0.3), D="top", name="block", **settings)
+        gap = lambda x: 0.02 * x[0] ** 2 + 0.005 * np.cos(9 * x[0])  # noqa: E731
+        foot = sc.Contact(block.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), gap=gap)
+        found = sc.ContactSolver(block, foot).solve().error_estimate
+        parts.append(list(vars(found.pressure).values()))
+        assert found.pressure.facets > 0 or found.pressure.scatter > 0
+    assert_allclose(parts[1], parts[0], rtol=1e-8, atol=1e-12)
+
+
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*is linear and has turned")  # the block dips by .04 rad
 def test_bodies_that_slide_far():

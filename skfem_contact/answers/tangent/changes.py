@@ -50,10 +50,11 @@ class Parameter:
             The coefficient of `Coulomb`, the bound ``tau_max`` of `Tresca`, of contacts `of`.
         "stiffness"
             A factor on the stiffness of bodies `of`, 1 where it is as it is: Young's modulus over
-            what it is. With `along`, a matrix dK/dp of one body.
+            what it is, with the load ``steel.warmed(T)`` that grows with it. With `along`, a matrix
+            dK/dp of one body.
         "load"
             ``f + p along`` of bodies `of`; a factor on f if `along` is not given. Thermal strains are a
-            load too. Where a step is a number it multiplies `along` as it does f.
+            load too. A number that a step gives, for all or the body, multiplies `along` as it does f.
         "displacement"
             The same of the prescribed displacements x.
         "interference", "gap"
@@ -139,6 +140,8 @@ def change(by: Parameter, tangent: Tangent) -> Values:
     if by.kind == "scene":
         return _between(by, tangent)
     if by.kind in BOLTS and tangent.bolts is None:
+        if not tangent.answer.bolt_names:
+            raise InputError(f"{by!r}: the solver has no bolts, ContactSolver(..., bolts=[...])")
         return {}
     answer, places = tangent.answer, _places(by, tangent.answer)
     (m, d), b = answer.kin.normal.shape, len(answer.bolt_names)
@@ -177,6 +180,8 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
             body, u = system.bodies[i], answer.stretched(system.bodies[i])
             if not issparse(along):
                 borne[at] = _borne(body, answer.stiffness[i], u)
+                if not body.finite_strain and i in case.apart:
+                    borne[at] -= case.apart[i][: body.n]
                 if bolts:  # the stiffness of a step that gives their forces lets them slide
                     P = bolts.pulls[:, at]
                     borne[at] -= P.T @ (tangent.by_pull * (P @ u))
@@ -188,8 +193,13 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
     if kind in LOADS:
         load = kind == "load"
         # of a body in a step over those that a user gives; or of all, with what fluids have by now
-        factor, units = case.scale[not load], system.units * np.ones(1)
-        each = (1.0 / units if load else units) * (1.0 if factor is None else factor)
+        factor, units = case.scale[not load], system.units * np.ones(system.n)
+        each = 1.0 / units if load else units
+        if factor is None and case.multiples is not None:
+            for i, at in places:
+                each[at] *= case.multiples[0 if load else 1, i]
+        elif factor is not None:
+            each = each * factor
         if by.field or by.along is not None:
             return [("f" if load else "x", FIELD, each)]
         if not load:
@@ -218,6 +228,8 @@ def _by_coefficient(tangent: Tangent, i: int, part: slice) -> Array:
     force = np.maximum(answer.local.normal_force[part], 0.0)
     if type(law) is Tresca:
         return closed * area
+    if law is None:
+        raise InputError(f"contact {answer.names[i]!r} has no friction to differentiate by")
     if type(law) is not Coulomb:
         raise InputError(
             f"contact {answer.names[i]!r} has the law {type(law).__name__}, which has no single "
@@ -311,9 +323,14 @@ def _places(by: Parameter, answer: Answer) -> Places:
             tools = [c.primary.name if motion and c.rigid else None for c in contacts]
             known, number = [*names] if by.of in names else tools, number_of(by.of, contacts)
             meant = [i == number or own == by.of for i, own in enumerate(known)]
-    if not any(meant) and by.of is not None:
+            if motion:  # a surface of a body is no tool
+                what, names = "obstacle", tuple(own for own in tools if own)
+                meant = [own and c.rigid for own, c in zip(meant, contacts, strict=True)]
+    if not any(meant):
+        if by.of is None:
+            raise InputError(f"{by!r}: no contact has {'an obstacle' if motion else 'friction'}")
         words = ", ".join(map(repr, names))
-        raise InputError(f"{by!r}: there is no such {what}; there are {words}.")
+        raise InputError(f"{by!r}: there is no such {what}; there are {words or 'none'}.")
     some = [i for i, own in enumerate(meant) if own]
     return (
         [(0, some)] if what == "bolt" else [(i, answer.model.interface.point_slices[i]) for i in some]
@@ -325,7 +342,9 @@ def _field(by: Parameter, there: Array) -> Array | float:
     if by.along is None or (by.kind == "stiffness" and issparse(by.along)):
         return 1.0
     wanted = {"motion": there.shape[1:], "stiffness": ()}.get(by.kind, there.shape[:1])
-    values = numbers(by.along, f"{by!r}: along", "give a number, or one for each point or DOF")
+    usage = "give a number, or one for each point or DOF"
+    usage = "give a translation, along=(1.0, 0.0)" if by.kind == "motion" else usage
+    values = numbers(by.along, f"{by!r}: along", usage)
     if values.shape != wanted and (values.shape or by.kind == "motion"):
         raise InputError(f"{by!r}: along has shape {values.shape}, not {wanted}")
     return values.reshape(-1, *there.shape[1:])

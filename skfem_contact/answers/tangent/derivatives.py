@@ -14,12 +14,13 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse import issparse
 
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.tangent.changes import LOADS, Parameter, change, contracted, parameters
 from skfem_contact.answers.tangent.rates import Maps, Rates, Verge, backward, forward, take
 from skfem_contact.answers.tangent.tangent import Tangent, Values, add
-from skfem_contact.arguments import Named, numbers, shown
+from skfem_contact.arguments import Named, NamesAttributes, check_kind, number, numbers, shown
 from skfem_contact.arrays import Array, Index
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
@@ -47,7 +48,7 @@ def _its(quantity: str, words: str) -> Any:
     return property(lambda rates: rates.of(quantity), doc=words)
 
 
-class Sensitivity:
+class Sensitivity(NamesAttributes):
     """Derivatives of a result by one number, as the quantities of the result have them.
 
     Attributes
@@ -129,16 +130,36 @@ class Sensitivity:
 
 def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int) -> Sensitivity:
     """Derivatives of an answer; see `ContactResult.sensitivity`."""
-    [by] = parameters(by, many=False)
+    given = parameters(by, many=False)
+    if len(given) > 1:
+        raise InputError(
+            f"sensitivity(by) is by one parameter, and {len(given)} are given: ask for one after the "
+            "other, or for solver.gradient(objective, steps, by=[...])"
+        )
+    [by] = given
+    if after is not None:
+        check_kind(after, Sensitivity, "after", "give result.sensitivity(...) of the step before")
     if side not in (-1, 0, 1):
         raise InputError(f"side = {shown(side)}; it may be 1, -1, or 0 for the statuses that hold")
-    if after is not None and (repr(after.by), after.side) != (repr(by), side):
-        raise InputError(f"after is by {after.by!r}, side {after.side}; here by {by!r}, side {side}")
+    if after is not None and not (_same(after.by, by) and after.side == side):
+        raise InputError(
+            f"after is by {after.by!r}, side {after.side}; here by {by!r}, side {side}, which is "
+            "another parameter: give the sensitivity of the step before by this one"
+        )
     sign, last = -1.0 if side < 0 else 1.0, {} if after is None else after._values
     found = {name: sign * own for name, own in change(by, tangent).items()}
     at_kink = side and len(tangent.kinks)
     rates = Verge(tangent, found, last).rates() if at_kink else forward(tangent, found, last)
     return Sensitivity(by, side, tangent.answer, rates)
+
+
+def _same(one: Parameter, other: Parameter) -> bool:
+    """Whether two parameters are one: what is printed of them leaves scenes and long arrays out."""
+    if repr(one) != repr(other) or one.between != other.between:
+        return False
+    if issparse(one.along):
+        return one.along.shape == other.along.shape and not (one.along != other.along).nnz
+    return np.array_equal(one.along, other.along)
 
 
 # -- histories ------------------------------------------------------------------------------------
@@ -150,7 +171,7 @@ Asked = Callable[[list[Any]], Any]
 
 
 @dataclass(eq=False)
-class Gradient:
+class Gradient(NamesAttributes):
     """A number that follows from a history, and its derivatives: of `ContactSolver.gradient`.
 
     Attributes
@@ -183,7 +204,7 @@ class Gradient:
 
 
 @dataclass(eq=False)
-class Jacobian:
+class Jacobian(NamesAttributes):
     """Values that follow from a history, and their derivatives: of `ContactSolver.jacobian`.
 
     Attributes
@@ -277,7 +298,8 @@ def gradient(history: History, objective: Asked, by: Any, recover: Any) -> Gradi
                 parts.insert(0, [contracted(p, tangent, duals) for p in by])
     each = zip(by, zip(*parts, strict=True), strict=True)
     found = [np.array(own) if p.each_step else sum(own) for p, own in each]
-    return Gradient(float(value), by, found, results)
+    value = number(value, "value of the objective", "several values are for solver.jacobian")
+    return Gradient(value, by, found, results)
 
 
 def jacobian(history: History, observe: Asked, by: Any, side: int, recover: Any) -> Jacobian:
@@ -286,6 +308,8 @@ def jacobian(history: History, observe: Asked, by: Any, side: int, recover: Any)
     with Workspace() as work:
         results, values, given = _linearised(history, observe, by, recover, work)
         values = numbers(values, "values of observe", "give a vector")
+        if values.ndim != 1:
+            raise InputError(f"values of observe are {shown(values)}; give a vector: of one, [value]")
         matrix = np.zeros((len(values), len(by)))
         for j, p in enumerate(by):
             known: Sensitivity | None = None

@@ -1,8 +1,8 @@
 r"""Vibration about a state of contact: its modes, and how friction damps them.
 
 *Modes* are those of an assembly that is pressed together, or slides. Small vibrations leave the
-statuses of all points as they are: closed gaps stay closed, and what sticks sticks. With
-``u = T u_r`` under these constraints
+statuses of all points as they are: closed gaps stay closed, and what sticks sticks, by the spring of
+its law where that has one. With ``u = T u_r`` under these constraints
 
     T'KT u_r = omega^2 T'MT u_r.
 
@@ -45,18 +45,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import eig
-from scipy.sparse import block_diag, csc_matrix, csr_matrix
+from scipy.sparse import block_diag, csc_matrix, csr_matrix, issparse
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 
 from skfem_contact.answers.answer import Answer, answer_of
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.tangent.tangent import Tangent, left_free
-from skfem_contact.arguments import check_kind, numbers, shown, whole_number
+from skfem_contact.arguments import NamesAttributes, check_kind, numbers, shown, whole_number
 from skfem_contact.arrays import Array
 from skfem_contact.assemblies.joints import aligned
 from skfem_contact.bodies.system import System
+from skfem_contact.conditions.rows import tangential_matrix
 from skfem_contact.conditions.state import OPEN, STICK
-from skfem_contact.digits import COMPUTED, SOLVED
+from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.errors import InputError, SingularMatrix, warn
 from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.linalg.direct import Direct
@@ -74,7 +75,7 @@ MASSLESS = (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Modes:
+class Modes(NamesAttributes):
     """Modes of vibration about a state of contact, of `ContactSolver.modes`; the lowest first.
 
     Attributes
@@ -137,6 +138,15 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
     stick = closed & (interface.frictional | interface.tied)
     if slipping != "stuck":
         stick &= answer.local.status == STICK
+    spring = np.zeros(len(stick))  # of joints that give; those of a loop are none
+    for part, own in interface.laws:
+        G = own.law.stiffness
+        if G is not None and np.isfinite(G):
+            spring[part] = G * (stick & interface.frictional)[part]
+    stick &= spring == 0
+    if np.any(spring):
+        each = spring[:, None, None] * np.eye(answer.kin.tangents)
+        K = csr_matrix(K + tangential_matrix(answer.kin.B_t, each))
     slope = Tangent(answer).slope if slipping == "steady" else 0.0
     trial = left_free(answer, closed, stick)
     test = left_free(answer, closed, stick, slope) if np.any(slope) else trial
@@ -163,6 +173,25 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
     whole, turns = np.asarray(trial.T @ found[:, order]).T, turns[order]
     growth = np.where(np.abs(turns.real) > least, turns.real, 0.0)
     return Modes(np.abs(turns.imag) / (2 * np.pi), growth, _sized(whole, M, system), slipping, system)
+
+
+def refuse_others(answer: Answer, stiffness: Sequence[csr_matrix]) -> None:
+    """Raise `InputError` for a result of a solver whose bodies have another stiffness than here.
+
+    Springs that hold a body for a moment are on the diagonal; loose bolts are another matter.
+    """
+    system = answer.system
+    for i, (name, own, there) in enumerate(zip(system.names, stiffness, answer.stiffness, strict=True)):
+        known = system.bodies[i].nonlinear or i in system.slides or not issparse(own)
+        if known or there is own:
+            continue
+        beyond = csr_matrix(there - own)
+        beyond.setdiag(0.0)
+        if abs(beyond).max() > GIVEN * abs(own).max():
+            raise InputError(
+                f"result is of a solver in which body {name!r} has another stiffness: ask the solver "
+                "that found it"
+            )
 
 
 def mass(system: System) -> csr_matrix:
@@ -233,7 +262,7 @@ def _sized(shapes: NDArray[Any], M: csr_matrix, system: System) -> NDArray[Any]:
 
 
 @dataclass(eq=False, repr=False)
-class Damping:
+class Damping(NamesAttributes):
     """Frequency and damping of a mode against amplitude, of `ContactSolver.damping`.
 
     A displacement is that of the component that moves most in the mode, and a force what does its work
@@ -318,7 +347,6 @@ def damping(
     solver: Any, result: ContactResult, modes: Modes, wanted: ArrayLike, i: int, steps: int, cycles: int
 ) -> Damping:
     """See `ContactSolver.damping`."""
-    check_kind(result, ContactResult, "result", "give one of solve() or history()")
     check_kind(modes, Modes, "modes", "give what modes(result) found")
     whole_number(i, "mode", 0, len(modes.frequency) - 1)
     if modes.shapes.shape[1] != answer_of(result).system.n:

@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import block_diag, csr_matrix, vstack
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.arguments import numbers
+from skfem_contact.arguments import NamesAttributes, numbers
 from skfem_contact.arrays import Array, Index, Mask, check_size, largest, lengths, unit_vectors
 from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import BEYOND, Derivatives, FrictionRule
@@ -95,7 +95,7 @@ def mapped_slopes(
     return Slopes(spring + B, sticks + left, B, M, np.einsum("ikl,il->ik", M, by.normal_force), trial)
 
 
-class Tangent:
+class Tangent(NamesAttributes):
     r"""The equations of contact and friction linearised at an answer, which `result.linearized` is.
 
     It holds while no point changes its status: `margin` says how far each is from that, and `kinks` are

@@ -297,7 +297,7 @@ class Diagnostics:
 
 
 @dataclass(frozen=True)
-class ContactValidity:
+class ContactValidity(NamesAttributes):
     """The validity of the model of one contact at an answer.
 
     Attributes
