@@ -46,7 +46,8 @@ from skfem_contact.conditions.kinematics import (
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN, LoadCase, LocalState, Motion, transport
-from skfem_contact.obstacles.obstacle import Obstacle, spin
+from skfem_contact.digits import GIVEN
+from skfem_contact.obstacles.obstacle import Obstacle, spin, spin_rate
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.pairing.node import Pairing
 
@@ -222,6 +223,27 @@ class Geometry:
         beyond = spin(old[1], new[1]) - (new[1] - old[1])
         arm = kin.action[self.point_slices[i]] - body.about - new[0]
         return np.asarray(np.cross(beyond, arm))
+
+    def turned(self, at: Array, u: Array) -> tuple[Array, float]:
+        """Displacements u (n,) with rigid bodies turned as rows mean it; how much that differs [rad].
+
+        In space rows take the spin beyond their pairing, made `at` other displacements (n,), for the
+        change of the rotation vector. Nothing differs where the pairing is that of the answer.
+        """
+        out = np.array(u)
+        for body in {c.rigid_body for c in self.contacts if c.sliding == "finite"}:
+            if body is None or body.dim == 2:
+                continue
+            free = np.setdiff1d(body.rotations, body.D)
+            if not len(free):
+                continue
+            own, scale = self.system.slice(body), self.system.scale(body)
+            old, new = (v[own] / scale for v in (at, u))
+            k = free - body.rotations[0]
+            rate = spin_rate(old[body.rotations])[np.ix_(k, k)]
+            new[free] = old[free] + np.linalg.lstsq(rate, (new - old)[free], rcond=GIVEN)[0]
+            out[own] = scale * new
+        return out, float(np.max(np.abs(out - u), initial=0.0)) / self.system.extent
 
     def slip(
         self, kin: Kinematics, seen: LoadCase, surface: Array, slip: Array, modelled: Mask

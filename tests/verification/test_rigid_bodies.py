@@ -15,6 +15,7 @@ from test_obstacles import axisymmetric, per_turn
 from unlike_meshes import rectangle
 
 import skfem_contact as sc
+from skfem_contact.obstacles import rotation_matrix
 
 LOOPS = ["newton", "direct", "fictitious"]
 # multigrid nearly to the last digit: what is left of the load moves points that stick, and the
@@ -764,6 +765,35 @@ def test_a_ball_that_is_led_in_space_is_an_obstacle_that_moves():
         # as far as the pairings are settled
         assert_allclose(here.slip_vector[on], there.slip_vector[on], rtol=0, atol=1e-11)
         assert here.certificate.worst < 1e-10
+
+
+@pytest.mark.parametrize("turn", [2.5, 11.0])
+def test_a_ball_that_has_turned_rolls_about_another_axis(turn):
+    """Turned about z by a lot, then rolled along y: its rotation is one about x after the other.
+
+    The change of its rotation vector is far from the angular velocity then.
+    """
+    R, way = 2.0, 0.25
+    lines = np.linspace(-1.2, 1.2, 13), np.linspace(-1.2, 1.4, 14), np.linspace(-1.0, 0.0, 3)
+    plate = sc.Body.from_mesh(
+        fem.MeshHex.init_tensor(*lines).with_defaults(),
+        fem.ElementVector(fem.ElementHex1()),
+        sc.Elastic(60.0, 0.3),
+        D="front",
+    )
+
+    def solver(**settings):
+        ball = sc.RigidBody(sc.RigidSphere((0, 0, R), R), name="ball", **settings)
+        friction = sc.Coulomb(0.5)
+        contact = sc.Contact(plate.surface("back"), ball, friction=friction, sliding="finite")
+        return solver_of([plate, ball], [contact])
+
+    steps = [{"x": {"ball": x}} for x in ({"z": 0.1, "rotation z": turn}, {"z": -0.05})]
+    *_, pressed = solver(D=range(6)).history(steps)
+    rolling = solver(D=("x", "y"), force=(0, 0, -6.0))
+    before, after = rolling.history([{"x": {"ball": {"y": y}}} for y in (0.0, way)], start=pressed)
+    first, second = (rotation_matrix(result.motion("ball")[1]) for result in (before, after))
+    assert_allclose(second @ first.T, rotation_matrix(np.array([-way / R, 0, 0])), rtol=0, atol=0.005)
 
 
 def test_a_lock_holds_from_where_it_finds_the_body():
