@@ -54,6 +54,11 @@ NOT_SHOWN = (
     "load, but no way to them was found. "
 )
 
+SHOWN_HERE = (
+    "Where the bodies are now, the load drives a motion that no force at the contact points can stop, "
+    "friction at its bound included; whether there is an equilibrium elsewhere is not shown. "
+)
+
 DRIVEN = (
     "Only strains drive it: no load works along this motion, but the surfaces that carry the load turn "
     "with the strains, and to hold the bodies where they move least takes {:.1e} of the largest force "
@@ -245,7 +250,7 @@ def no_equilibrium(
     when: str,
     f: Array | None = None,
     result: Any = None,
-    shown: bool = False,
+    shown: str = "",
     pull: float = 0.0,
     carries: str = "",
 ) -> NoEquilibrium:
@@ -262,8 +267,8 @@ def no_equilibrium(
         Load [force]: of several motions the one that it drives is named.
     result : ContactResult, optional
         The last state reached, which the error carries.
-    shown : bool
-        Whether statics alone shows that there is none.
+    shown : str
+        What statics alone shows of the load, in words.
     pull : float
         What it takes to hold the bodies where they move least, over the largest point force, if known.
     carries : str
@@ -280,7 +285,7 @@ def no_equilibrium(
     )
     known = "" if f is None else NOT_SHOWN
     if shown and f is not None:
-        known = SHOWN + _out_of_balance(motions.load_along(moves, f), f, len(bodies) == 1)
+        known = shown + _out_of_balance(motions.load_along(moves, f), f, len(bodies) == 1)
     if pull > 0.0:
         known = DRIVEN.format(pull)
     return NoEquilibrium(

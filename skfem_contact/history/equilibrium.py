@@ -20,6 +20,8 @@ from skfem_contact.conditions.friction_rule import jumps_open, resisting_slips
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.motions import (
     BARELY,
+    SHOWN,
+    SHOWN_HERE,
     RigidMotions,
     drives,
     escape,
@@ -178,8 +180,8 @@ class Verdict:
         Under which circumstances they are free, in words.
     f : ndarray, shape (n,), or None
         The load that drives them [force].
-    shown : bool
-        Whether statics alone shows it.
+    shown : str
+        What statics alone shows of the load, in words.
     pull : float
         What it would take to hold the bodies, over the largest point force, if known.
     carries : str
@@ -194,7 +196,7 @@ class Verdict:
     motions: RigidMotions | None = None
     when: str = CAN_CARRY
     f: Array | None = None
-    shown: bool = False
+    shown: str = ""
     pull: float = 0.0
     carries: str = ""
     advice: str = ""
@@ -288,7 +290,7 @@ class EquilibriumSearch:
         """Find the answer; where it leaves motions free, at the place that moves least."""
         model, f = self.stepper.model, self.step.target.f
         if model.loose.shape[1] and drives(model.motions, f, model.loose):
-            return Verdict(model.loose, model.motions, EVEN_CLOSED, f, shown=True, reached=False)
+            return Verdict(model.loose, model.motions, EVEN_CLOSED, f, shown=SHOWN, reached=False)
         may_float = bool(model.motions.k)
         try:
             self.advance = advance(self.stepper.held, self.step, self._doubt if may_float else None)
@@ -314,13 +316,16 @@ class EquilibriumSearch:
             return ARRIVED
         if self.rest is not None:
             return Verdict(self.rest.free, model.motions, pull=self.rest.pull)
-        motions, free, shown = attempt.problem.motions, attempt.outcome.free, self.refuted is not None
+        motions, free = attempt.problem.motions, attempt.outcome.free
         carries = _carries(self.advance)
         if free is None and self.refuted is not None:
             motions, free = model.motions, self._sliding(self.refuted)[:, None]
+        interface, kin, f = model.interface, attempt.problem.kin, attempt.case.f
         if free is not None:
-            return Verdict(free, motions, f=attempt.case.f, shown=shown, carries=carries)
-        interface, kin = model.interface, attempt.problem.kin
+            shown = SHOWN if self.refuted is not None else ""
+            if model.geometry.changing.any() and escape(motions, interface, kin.paired, f) is not None:
+                shown = SHOWN_HERE
+            return Verdict(free, motions, f=f, shown=shown, carries=carries)
         named = attempt if attempt.culprit >= 0 else self.advance.unsettled or attempt
         if at_corners(named):
             return Verdict(advice=("" if named is attempt else FIRST.format(named.failure)) + CORNERS)
