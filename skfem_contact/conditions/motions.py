@@ -84,7 +84,8 @@ class RigidMotions(ByFields):
     Attributes
     ----------
     modes : ndarray, shape (n, k)
-        Displacements, each mode with largest displacement one; of a rigid body that of its contacts.
+        Displacements; of each mode the largest gap or slip at the contact points is one, or the
+        largest displacement where they do not feel it.
     kin : Kinematics
         The contact points.
     system : System
@@ -224,12 +225,15 @@ def rigid_motions(system: System, kin: Kinematics, stiffness: Sequence[csr_matri
             springs = _resistance(K, R)
             left = null_space(np.concatenate([R[body.D], springs])) if len(springs) else left
         free = R @ left
-        peak = member.largest(free)
-        if len(body.rotations):  # a small roller among large bodies: what its contact points move by
+        if free.shape[1]:  # a tower by the width of its foot, a roller by its radius
             own = system.slice(body)
-            felt = member.largest(np.concatenate([B[:, own] @ free for B in (kin.B_n, kin.B_t)]))
-            peak = np.where(felt > 0, felt, peak)
-        blocks.append(free / np.where(peak > 0, peak, 1.0))
+            felt = np.concatenate([B[:, own] @ free for B in (kin.B_n, kin.B_t)])
+            free = free @ np.linalg.svd(felt, full_matrices=len(felt) < free.shape[1])[2].T
+            felt = np.concatenate([B[:, own] @ free for B in (kin.B_n, kin.B_t)])
+            peak, largest_felt = member.largest(free), member.largest(felt)
+            unfelt = largest_felt <= SOLVED * peak
+            free = free / np.where(unfelt, peak, largest_felt)
+        blocks.append(free)
     return RigidMotions(block_diagonal(blocks), kin, system)
 
 
@@ -280,7 +284,8 @@ def no_equilibrium(
     """
     moves = free[:, 0]
     if f is not None:
-        driven = free @ (free.T @ (motions.modes.T @ f))
+        moved = motions.modes @ free
+        driven = free @ np.linalg.solve(moved.T @ moved, moved.T @ f)
         moves = driven if driven.any() else moves
     bodies, motion = motions.describe(moves)
     names = " and ".join(f"'{name}'" for name in bodies)
