@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix, diags, identity, kron
 
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, largest, lengths
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.checks import (
@@ -46,7 +46,8 @@ from skfem_contact.conditions.kinematics import (
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.rows import as_motion
 from skfem_contact.conditions.state import OPEN, LoadCase, LocalState, Motion, transport
-from skfem_contact.obstacles.obstacle import Obstacle, spin
+from skfem_contact.digits import GIVEN
+from skfem_contact.obstacles.obstacle import Obstacle, spin, spin_rate
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.pairing.node import Pairing
 
@@ -223,6 +224,27 @@ class Geometry:
         arm = kin.action[self.point_slices[i]] - body.about - new[0]
         return np.asarray(np.cross(beyond, arm))
 
+    def turned(self, at: Array, u: Array) -> tuple[Array, float]:
+        """Displacements u (n,) with rigid bodies turned as rows mean it; how much that differs [rad].
+
+        In space rows take the spin beyond their pairing, made `at` other displacements (n,), for the
+        change of the rotation vector. Nothing differs where the pairing is that of the answer.
+        """
+        out = np.array(u)
+        for body in {c.rigid_body for c in self.contacts if c.sliding == "finite"}:
+            if body is None or body.dim == 2:
+                continue
+            free = np.setdiff1d(body.rotations, body.D)
+            if not len(free):
+                continue
+            own, scale = self.system.slice(body), self.system.scale(body)
+            old, new = (v[own] / scale for v in (at, u))
+            k = free - body.rotations[0]
+            rate = spin_rate(old[body.rotations])[np.ix_(k, k)]
+            new[free] = old[free] + np.linalg.lstsq(rate, (new - old)[free], rcond=GIVEN)[0]
+            out[own] = scale * new
+        return out, float(np.max(np.abs(out - u), initial=0.0)) / self.system.extent
+
     def slip(
         self, kin: Kinematics, seen: LoadCase, surface: Array, slip: Array, modelled: Mask
     ) -> Array:
@@ -253,7 +275,7 @@ class Geometry:
         """Measure how far the contact conditions on a pairing are from those at its own answer.
 
         The largest of the gaps of closed points and the overlaps of open ones, over the extent of
-        the bodies, and the change of the contact forces' distribution over the largest of them.
+        their bodies, and the change of the distribution of a contact's forces over the largest of them.
         Points that are left out may overlap.
         """
         closed = (state.status != OPEN) & self.finite
@@ -266,14 +288,31 @@ class Geometry:
         if judged.any():
             judged &= ~prescribed_rows(new.B_n, self.system.D)
         gap = np.where(judged, _wrong_gaps(new, closed), 0.0)
-        normal = state.normal_force
+        scale = self._scale(state)
+        normal = state.normal_force / scale
         change = self._on_surfaces(new.B_n, normal) - self._on_surfaces(old.B_n, normal)
         if state.tangential_force.any():
-            before, after = _along_both(old, new, state.tangential_force)
+            before, after = _along_both(old, new, state.tangential_force / scale[:, None])
             change -= self._on_surfaces(new.B_t, after) - self._on_surfaces(old.B_t, before)
-        scale = np.max(np.abs(state.normal_force), initial=0.0)
-        moved = np.max(np.abs(change), initial=0.0) / scale if scale > 0 else 0.0
-        return float(np.maximum(np.max(gap, initial=0.0) / self.system.extent, moved))
+        moved = np.max(np.abs(change), initial=0.0)
+        return float(np.maximum(np.max(gap / self._extents, initial=0.0), moved))
+
+    @cached_property
+    def _extents(self) -> Array:
+        """Of the larger body of the contact of each point, (m,) [length]."""
+        own = []
+        for contact in self.contacts:
+            sides = (contact.secondary, contact.primary)
+            bodies = [side.body for side in sides if isinstance(side, ContactSurface)]
+            own.append(max(float(np.ptp(body.basis.mesh.p, axis=1).max()) for body in bodies))
+        return np.repeat(own, [part.stop - part.start for part in self.point_slices])
+
+    def _scale(self, state: LocalState) -> Array:
+        """Largest force in the contact of each point, if more than round-off of others, (m,)."""
+        force = np.maximum(np.abs(state.normal_force), lengths(state.tangential_force))
+        least = max(GIVEN * largest(force), np.finfo(float).tiny)
+        own = [max(largest(force[part]), least) for part in self.point_slices]
+        return np.repeat(own, [part.stop - part.start for part in self.point_slices])
 
     def stretched(self, old: Kinematics, new: Kinematics, state: LocalState) -> Array:
         """Change of areas that bodies of finite strain bear forces on, by the largest force, (m,)."""
@@ -299,10 +338,9 @@ class Geometry:
     def least_settled(self, old: Kinematics, new: Kinematics, state: LocalState) -> int:
         """The point that makes most of the `mismatch`: by its gap, or by where its force goes."""
         closed = state.status != OPEN
-        wrong = _wrong_gaps(new, closed) / self.system.extent
+        wrong = _wrong_gaps(new, closed) / self._extents
         wrong = np.where(self.finite & new.paired & old.paired, wrong, 0.0)
-        forces = np.column_stack([state.normal_force, state.tangential_force])
-        scale = np.max(np.abs(forces), initial=np.finfo(float).tiny)
+        scale = self._scale(state)
         moved = _largest(diags(state.normal_force) @ (new.B_n - old.B_n))
         if state.tangential_force.any():  # without friction nobody has made these rows
             before, after = _along_both(old, new, state.tangential_force)

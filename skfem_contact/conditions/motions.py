@@ -54,6 +54,11 @@ NOT_SHOWN = (
     "load, but no way to them was found. "
 )
 
+SHOWN_HERE = (
+    "Where the bodies are now, the load drives a motion that no force at the contact points can stop, "
+    "friction at its bound included; whether there is an equilibrium elsewhere is not shown. "
+)
+
 DRIVEN = (
     "Only strains drive it: no load works along this motion, but the surfaces that carry the load turn "
     "with the strains, and to hold the bodies where they move least takes {:.1e} of the largest force "
@@ -79,7 +84,8 @@ class RigidMotions(ByFields):
     Attributes
     ----------
     modes : ndarray, shape (n, k)
-        Displacements, each mode with largest displacement one.
+        Displacements; of each mode the largest gap or slip at the contact points is one, or the
+        largest displacement where they do not feel it.
     kin : Kinematics
         The contact points.
     system : System
@@ -219,8 +225,15 @@ def rigid_motions(system: System, kin: Kinematics, stiffness: Sequence[csr_matri
             springs = _resistance(K, R)
             left = null_space(np.concatenate([R[body.D], springs])) if len(springs) else left
         free = R @ left
-        peak = member.largest(free)
-        blocks.append(free / np.where(peak > 0, peak, 1.0))
+        if free.shape[1]:  # a tower by the width of its foot, a roller by its radius
+            own = system.slice(body)
+            felt = np.concatenate([B[:, own] @ free for B in (kin.B_n, kin.B_t)])
+            free = free @ np.linalg.svd(felt, full_matrices=len(felt) < free.shape[1])[2].T
+            felt = np.concatenate([B[:, own] @ free for B in (kin.B_n, kin.B_t)])
+            peak, largest_felt = member.largest(free), member.largest(felt)
+            unfelt = largest_felt <= SOLVED * peak
+            free = free / np.where(unfelt, peak, largest_felt)
+        blocks.append(free)
     return RigidMotions(block_diagonal(blocks), kin, system)
 
 
@@ -245,7 +258,7 @@ def no_equilibrium(
     when: str,
     f: Array | None = None,
     result: Any = None,
-    shown: bool = False,
+    shown: str = "",
     pull: float = 0.0,
     carries: str = "",
 ) -> NoEquilibrium:
@@ -262,8 +275,8 @@ def no_equilibrium(
         Load [force]: of several motions the one that it drives is named.
     result : ContactResult, optional
         The last state reached, which the error carries.
-    shown : bool
-        Whether statics alone shows that there is none.
+    shown : str
+        What statics alone shows of the load, in words.
     pull : float
         What it takes to hold the bodies where they move least, over the largest point force, if known.
     carries : str
@@ -271,7 +284,8 @@ def no_equilibrium(
     """
     moves = free[:, 0]
     if f is not None:
-        driven = free @ (free.T @ (motions.modes.T @ f))
+        moved = motions.modes @ free
+        driven = free @ np.linalg.solve(moved.T @ moved, moved.T @ f)
         moves = driven if driven.any() else moves
     bodies, motion = motions.describe(moves)
     names = " and ".join(f"'{name}'" for name in bodies)
@@ -280,7 +294,7 @@ def no_equilibrium(
     )
     known = "" if f is None else NOT_SHOWN
     if shown and f is not None:
-        known = SHOWN + _out_of_balance(motions.load_along(moves, f), f, len(bodies) == 1)
+        known = shown + _out_of_balance(motions.load_along(moves, f), f, len(bodies) == 1)
     if pull > 0.0:
         known = DRIVEN.format(pull)
     return NoEquilibrium(
@@ -381,9 +395,16 @@ def load_on(motions: RigidMotions, f: Array) -> tuple[Array, float]:
 
 
 def drives(motions: RigidMotions, f: Array, free: Array, beyond: float = SOLVED) -> bool:
-    """Return whether a load does work on some of these motions (k, j), beyond a share of its parts."""
-    Q, size = load_on(motions, f)
-    return bool(np.max(np.abs(free.T @ Q), initial=0.0) > beyond * size)
+    """Return whether a load does work on some of these motions (k, j), beyond a share of its parts.
+
+    Parts on the bodies that move: what others bear does not hold them.
+    """
+    moved, system = motions.modes @ free, motions.system
+    sizes = np.zeros(free.shape[1])
+    for body in system.bodies:
+        own = system.slice(body)
+        sizes += member.largest(moved[own]) * np.sum(np.abs(f[own]))
+    return bool(np.any(np.abs(moved.T @ f) > beyond * sizes))
 
 
 def escape(motions: RigidMotions, interface: Interface, paired: Mask, f: Array) -> Array | None:

@@ -20,6 +20,8 @@ from skfem_contact.conditions.friction_rule import jumps_open, resisting_slips
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.motions import (
     BARELY,
+    SHOWN,
+    SHOWN_HERE,
     RigidMotions,
     drives,
     escape,
@@ -178,8 +180,8 @@ class Verdict:
         Under which circumstances they are free, in words.
     f : ndarray, shape (n,), or None
         The load that drives them [force].
-    shown : bool
-        Whether statics alone shows it.
+    shown : str
+        What statics alone shows of the load, in words.
     pull : float
         What it would take to hold the bodies, over the largest point force, if known.
     carries : str
@@ -194,7 +196,7 @@ class Verdict:
     motions: RigidMotions | None = None
     when: str = CAN_CARRY
     f: Array | None = None
-    shown: bool = False
+    shown: str = ""
     pull: float = 0.0
     carries: str = ""
     advice: str = ""
@@ -288,7 +290,7 @@ class EquilibriumSearch:
         """Find the answer; where it leaves motions free, at the place that moves least."""
         model, f = self.stepper.model, self.step.target.f
         if model.loose.shape[1] and drives(model.motions, f, model.loose):
-            return Verdict(model.loose, model.motions, EVEN_CLOSED, f, shown=True, reached=False)
+            return Verdict(model.loose, model.motions, EVEN_CLOSED, f, shown=SHOWN, reached=False)
         may_float = bool(model.motions.k)
         try:
             self.advance = advance(self.stepper.held, self.step, self._doubt if may_float else None)
@@ -314,12 +316,13 @@ class EquilibriumSearch:
             return ARRIVED
         if self.rest is not None:
             return Verdict(self.rest.free, model.motions, pull=self.rest.pull)
-        motions, free, shown = attempt.problem.motions, attempt.outcome.free, self.refuted is not None
+        motions, free = attempt.problem.motions, attempt.outcome.free
         carries = _carries(self.advance)
         if free is None and self.refuted is not None:
             motions, free = model.motions, self._sliding(self.refuted)[:, None]
+        f = attempt.case.f
         if free is not None:
-            return Verdict(free, motions, f=attempt.case.f, shown=shown, carries=carries)
+            return Verdict(free, motions, f=f, shown=self._shown(motions, f), carries=carries)
         interface, kin = model.interface, attempt.problem.kin
         named = attempt if attempt.culprit >= 0 else self.advance.unsettled or attempt
         if at_corners(named):
@@ -333,6 +336,15 @@ class EquilibriumSearch:
         if not (interface.laws or attempt.at_limit or model.geometry.follows):
             return Verdict(advice=SMOOTH)
         return Verdict(carries=carries, advice=TOO_MUCH if attempt.at_limit else USUALLY)
+
+    def _shown(self, motions: RigidMotions, f: Array) -> str:
+        """What statics shows of a load (n,), in words; nothing where forces could balance it."""
+        model, paired = self.stepper.model, motions.kin.paired
+        if self.refuted is not None:
+            return SHOWN
+        if escape(motions, model.interface, paired, f) is None:
+            return ""
+        return SHOWN_HERE if model.geometry.follows else SHOWN
 
     def _sliding(self, motion: Array) -> Array:
         """The part of a motion (k,) that closed points do not hold; all of it, where it opens them.
@@ -378,7 +390,8 @@ class EquilibriumSearch:
             rest = None
         if rest is None:
             free = free if free.shape[1] else np.eye(motions.k)
-            return Verdict(free, motions, f=self.step.target.f, reached=False)
+            f = self.step.target.f
+            return Verdict(free, motions, f=f, shown=self._shown(motions, f), reached=False)
         if rest.pull:
             return Verdict(rest.free, motions, pull=rest.pull, reached=False)
         self.advance = rest.advance

@@ -61,7 +61,7 @@ from skfem_contact.errors import (
 from skfem_contact.history.equilibrium import ARRIVED, CORNERS, EquilibriumSearch, Verdict, at_corners
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import NOISE, Stepper
-from skfem_contact.history.stepping import AIM, LONGER, Bisection, settled, travelled
+from skfem_contact.history.stepping import AIM, LONGER, WHOLE_TURN, Bisection, settled, travelled
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.linalg.multifrontal import MultifrontalCholesky
 from skfem_contact.loops.active_set import DECREASE, HALVINGS
@@ -404,11 +404,11 @@ class NonlinearSearch:
             # a pairing that has settled stays, and Newton's method is quick again; so does one on which
             # bodies have yet to come nearer: nothing bounds what is left where both change
             at, dofs = attempt.problem.u, base.geometry.surface_dofs
-            if at is not None and attempt.failure and (nearer or balanced):
+            if at is not None and own is not None and attempt.failure and (nearer or balanced):
                 # residuals on two pairings are two things: no smaller one is asked for, but none that
                 # is larger than all before: without this a ball deep in a block ran away
                 now, ahead = now._replace(norm=most), np.array(u)
-                ahead[dofs] = secant.next(at[dofs], u[dofs])
+                ahead[dofs] = secant.next(at[dofs], own[1][dofs])
                 step = replace(step, pairing=self._pairing(step, ahead) if secant.active else own)
             closing = closing or balanced  # contact alone is left, and is solved to its end from now on
             exact, step = closing, replace(step, known=attempt.state)
@@ -432,16 +432,18 @@ class NonlinearSearch:
         if step.pairing is None:
             return attempt, None
         attempt = travelled(by, attempt)
-        if not attempt.failure and (own := self._pairing(step, u)) is not None:
+        asked, spun = geometry.turned(step.pairing[1], u)
+        if not attempt.failure and (own := self._pairing(step, asked)) is not None:
             old, new, local = both = attempt.problem.kin, own[0], attempt.local
             # where forces balance, areas too are to be those of the answer: laws are by them
             apart, grown = geometry.mismatch(*both, by.barred), balanced * geometry.stretched(*both)
-            mismatch = max(apart, largest(grown))
+            mismatch = max(apart, spun, largest(grown))
             if mismatch > by.options.placement_tolerance:
                 partner = apart == mismatch
                 point = geometry.least_settled(*both) if partner else int(np.argmax(grown))
                 words = by.model.interface.point_words(point, new.points[point])
                 words += " meets another partner" if partner else " bears its force on another area"
+                words = WHOLE_TURN if spun == mismatch else words
                 failure = f"the pairing moves by {mismatch:.1e}: {words}"
                 culprit = point if partner else -1
                 attempt = replace(attempt, mismatch=mismatch, failure=failure, culprit=culprit)

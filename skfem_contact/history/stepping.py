@@ -63,6 +63,11 @@ ANSWERED = 0.3
 # What a step is shortened by at least: pressures that have become zero do not say by how much.
 FAR_TOO_LONG = 4.0
 
+WHOLE_TURN = (
+    "a rigid body is a whole turn or several from where it began, and would turn about another axis, "
+    "for which its rotation vector has no direction"
+)
+
 logger = logging.getLogger("skfem_contact")
 
 
@@ -281,14 +286,14 @@ def on_own_pairing(by: Stepper, step: LoadStep, start: str) -> Attempt:
         attempt = travelled(by, attempt)
         if attempt.failure:
             return attempt
-        there = attempt.local.surface
-        plain = number < PLAIN
-        at = there if plain else secant.next(at, there)
-        u = geometry.spread(at)
+        there = geometry.spread(attempt.local.surface)
+        asked, spun = geometry.turned(u, there)
+        plain, dofs = number < PLAIN, geometry.surface_dofs
+        u = asked if plain else geometry.spread(secant.next(u[dofs], asked[dofs]))
         next_kin = without_points(geometry.at(u, case, problem.kin), lost)
         if number >= EDGE:
             lost = lost | (problem.kin.paired & ~next_kin.paired)
-        mismatch = geometry.mismatch(problem.kin, next_kin, attempt.local, by.barred)
+        mismatch = max(spun, geometry.mismatch(problem.kin, next_kin, attempt.local, by.barred))
         limit = options.placement_tolerance
         if number + 1 == options.max_placements:
             limit = max(limit, options.tolerance)  # forces that a loop knows so far move points as far
@@ -296,8 +301,7 @@ def on_own_pairing(by: Stepper, step: LoadStep, start: str) -> Attempt:
             # so far only the next pairing is alike: what counts is that of the answer itself
             own = next_kin
             if not plain:
-                own = geometry.at(geometry.spread(there), case, next_kin)
-                own = without_points(own, lost)
+                own = without_points(geometry.at(there, case, next_kin), lost)
                 mismatch = geometry.mismatch(problem.kin, own, attempt.local, by.barred)
             if mismatch <= limit:
                 if passed := _left_behind(by, attempt, lost, there):
@@ -307,6 +311,8 @@ def on_own_pairing(by: Stepper, step: LoadStep, start: str) -> Attempt:
         problem = model.problem_on(next_kin, u)
     point = geometry.least_settled(problem.kin, next_kin, attempt.local)
     words = f"the pairing did not settle in {options.max_placements} rounds ({mismatch:.1e}): "
+    if spun == mismatch:
+        return replace(attempt, mismatch=mismatch, failure=words + WHOLE_TURN)
     words += model.interface.point_words(point, next_kin.points[point])
     words += " meets another partner in every round"
     return replace(attempt, mismatch=mismatch, failure=words, culprit=point)

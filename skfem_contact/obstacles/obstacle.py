@@ -271,22 +271,30 @@ def rotation_matrix(angle: Any) -> Array:
     return np.asarray(np.eye(3) + np.sin(size) * axis + 2 * np.sin(size / 2) ** 2 * (axis @ axis))
 
 
-def spin(start: Array, end: Array) -> Array:
-    r"""The angular velocity integrated from one rotation vector straight to another, shape (3,).
+def spin_rate(vector: Array) -> Array:
+    r"""The angular velocity per change of a rotation vector, shape (3, 3).
 
     With ``\dot R = [w] R``, ``w = (1 + (1 - cos a) / a^2 [v] + (a - sin a) / a^3 [v]^2) \dot v`` for
-    ``R(v)`` and ``a = |v|``. About a fixed axis it is the difference, any number of turns.
+    ``R(v)`` and ``a = |v|``. Singular after a whole turn, except about the same axis.
+    """
+    x, y, z = vector
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    angle = float(np.linalg.norm(vector))
+    first = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+    # the digits that it loses where angles are small are those that [v]^2 takes off
+    second = (1 - np.sinc(angle / np.pi)) / angle**2 if angle**2 > 0 else 0.0
+    return np.asarray(np.eye(3) + first * cross + second * (cross @ cross))
+
+
+def spin(start: Array, end: Array) -> Array:
+    """The angular velocity integrated from one rotation vector straight to another, shape (3,).
+
+    About a fixed axis it is the difference, any number of turns.
     """
     change = end - start
     total = np.zeros(3)
     for at, weight in zip(0.5 * (NODES + 1), 0.5 * WEIGHTS, strict=True):
-        vector = start + at * change
-        angle = float(np.linalg.norm(vector))
-        first = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
-        # the digits that it loses where angles are small are those that [v]^2 takes off
-        second = (1 - np.sinc(angle / np.pi)) / angle**2 if angle**2 > 0 else 0.0
-        once = np.cross(vector, change)
-        total += weight * (change + first * once + second * np.cross(vector, once))
+        total += weight * (spin_rate(start + at * change) @ change)
     return total
 
 
