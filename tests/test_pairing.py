@@ -426,6 +426,9 @@ def test_diagnosis_of_an_overhang():
         f"farthest, point {worst} "
         "at (1.02, 1), misses by 0.02 (0.4 facet lengths)."
     )
+    assert line.endswith(
+        "too short, or the two are swapped; enlarge it, or swap secondary and primary."
+    )
 
 
 def test_diagnosis_of_swapped_and_distant_surfaces():
