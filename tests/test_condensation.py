@@ -233,6 +233,16 @@ def test_rows_that_depend_on_each_other(make, mu, monkeypatch):
     assert max(a.certificate.worst, b.certificate.worst) < 1e-10
 
 
+def test_the_proximal_point_of_forces_that_are_not_unique(monkeypatch):
+    """The forces are those that springs come to from none, whatever a loop began with."""
+    usual = corner(mu=0.3).solve()
+    internals.replace(monkeypatch, "loops.STARTS", ("proximal", "proximal"))
+    result = corner(mu=0.3).solve()
+    assert any(record.note == "springs in series" for record in result.trace)
+    for one, other in zip(result.values, usual.values, strict=True):
+        assert_allclose(one.forces, other.forces, rtol=0, atol=1e-8 * np.abs(other.forces).max())
+
+
 def test_springs_of_rows_have_no_unit():
     """A plane body gives way by as much in any size, and so do the springs of its points."""
     one, many = (corner(mu=0.3, size=s).linear_model.problem_on(None, None) for s in (1, 1000))
