@@ -59,13 +59,16 @@ def test_a_limit_is_kept_to_the_byte():
     """Matrices of just as many bytes as are allowed are made; with one byte less they are not."""
     wanted = np.unique(BODY.surface("bottom").dofs)
 
-    def way(dense):
-        return Choice("auto", Limits(dense, MUCH), SYSTEM, [BODY.K], 18, lambda: wanted)
+    def way(dense, linear="auto"):
+        return Choice(linear, Limits(dense, MUCH), SYSTEM, [BODY.K], 18, lambda: wanted)
 
     size = way(MUCH).dense_bytes
     assert way(size).route == "condensed" and way(size - 1).route == "iterated"
     # the flexibility of 18 contact DOFs, and two and a half matrices of 18 gaps and slips
     assert size == 8 * 18**2 + int(2.5 * 8 * 18**2)
+    # a backend that keeps what it leaves of the bodies has the first of them once more
+    keeps = SimpleNamespace(condenses=True, complements=1)
+    assert way(MUCH, keeps).dense_bytes == size + 8 * 18**2
 
 
 def solve_with_scipy(A, b):

@@ -182,10 +182,10 @@ def test_many_displacements_at_once_are_those_one_by_one(linear):
     assert_allclose(together[3], some, rtol=0, atol=0)
 
 
-def corner(linear="auto", mu=None, D=None):
+def corner(linear="auto", mu=None, D=None, size=1):
     """A block in a corner: its corner node is in two contacts, whose rows meet two DOFs."""
     D = "top" if D else None
-    body = block("block", (0, 1), (0, 1), (4, 4), D=D, push=(-1e-3, -2e-3))
+    body = block("block", (0, size), (0, size), (4, 4), D=D, push=(-1e-3, -2e-3))
     law = None if mu is None else sc.Coulomb(mu)
     floor, wall = sc.RigidPlane((0, 0), (0, 1)), sc.RigidPlane((0, 0), (1, 0))
     contacts = [
@@ -231,6 +231,22 @@ def test_rows_that_depend_on_each_other(make, mu, monkeypatch):
     forces = [np.concatenate([v.forces for v in r.values]) for r in (a, b)]
     assert_allclose(forces[0], forces[1], rtol=0, atol=1e-8 * np.abs(forces[1]).max())
     assert max(a.certificate.worst, b.certificate.worst) < 1e-10
+
+
+def test_the_proximal_point_of_forces_that_are_not_unique(monkeypatch):
+    """The forces are those that springs come to from none, whatever a loop began with."""
+    usual = corner(mu=0.3).solve()
+    internals.replace(monkeypatch, "loops.STARTS", ("proximal", "proximal"))
+    result = corner(mu=0.3).solve()
+    assert any(record.note == "springs in series" for record in result.trace)
+    for one, other in zip(result.values, usual.values, strict=True):
+        assert_allclose(one.forces, other.forces, rtol=0, atol=1e-8 * np.abs(other.forces).max())
+
+
+def test_springs_of_rows_have_no_unit():
+    """A plane body gives way by as much in any size, and so do the springs of its points."""
+    one, many = (corner(mu=0.3, size=s).linear_model.problem_on(None, None) for s in (1, 1000))
+    assert_allclose(many.springs, one.springs, rtol=1e-9)
 
 
 def test_iterated_problems_hand_over_dependent_rows():

@@ -107,10 +107,11 @@ def test_no_unknowns_and_no_violation() -> None:
     assert (lemke(np.eye(2), np.array([1.0, 0.0])) == 0).all()
 
 
-def block(n: int = 8) -> sc.Body:
-    """A block pressed down and dragged along on one side of its top."""
+def block(n: int = 8, side: int = 1) -> sc.Body:
+    """A block pressed down and dragged along on one side of its top; or its mirror image."""
     basis = rectangle(np.linspace(0, 2, n + 1), np.linspace(0, 1, 4), order=2)
-    x = basis.project(lambda x: np.array([0.02 * x[0], -0.015 + 0.02 * x[0]]))
+    away = lambda x: 0.02 * np.abs(x[0] - 1 + side)  # noqa: E731
+    x = basis.project(lambda x: np.array([side * away(x), -0.015 + away(x)]))
     form = linear_elasticity(*lame_parameters(1.0, 0.3))
     return sc.Body(basis, form, D="top", x=x, name="block")
 
@@ -126,10 +127,13 @@ LAWS = [
 ]
 
 
+@pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize("law", LAWS)
-def test_the_starting_values_are_the_answer(law: object, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Started by pivoting, the loop has nothing left to change, whatever the friction law."""
-    body = block()
+def test_the_starting_values_are_the_answer(
+    law: object, side: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Started by pivoting, the loop has nothing left to change, whatever the friction law and side."""
+    body = block(side=side)
     contact = sc.Contact(body.surface("bottom"), sc.RigidPlane((0, 0), (0, 1)), friction=law)
     usual = sc.ContactSolver(body, contact).solve()
     assert {0, 2} <= set(usual.status.tolist())  # open and sliding at least

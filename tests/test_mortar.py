@@ -22,6 +22,8 @@ from skfem_contact.conditions import carriers
 from skfem_contact.errors import InputError
 from skfem_contact.pairing import DualBasis, dual_basis, dual_mortar, segment
 
+_on_parabola = internals.beside(segment, "_on_parabola")
+
 ELEMENTS = {
     "P1": fem.ElementTriP1,
     "Q1": fem.ElementQuad1,
@@ -71,6 +73,22 @@ def arc(kind, radius, angles, thickness, *, outer, ahead=0.0):
     element = fem.ElementQuad1() if kind == "straight" else fem.ElementQuad2()
     body = Body(fem.Basis(mesh, fem.ElementVector(element)), FORM)
     return body.surface(face)
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "zero"),
+    [
+        ((-0.3, 1.0), 0.3),  # straight
+        ((-0.432, 1.0, 0.2), 0.4),
+        ((-0.24, -0.2, 2.0), 0.4),  # falls at first, and rises from end to end
+        ((0.24, 0.2, -2.0), 0.4),
+        ((0.26, -0.8, 1.0), 0.4),  # is nowhere zero: its vertex
+    ],
+)
+def test_where_the_normal_meets_a_quadratic_line(coefficients, zero):
+    """Where it goes the way it goes from end to end, however far off the middle node is."""
+    at_nodes = np.polynomial.polynomial.polyval(np.array([0.0, 1.0, 0.5]), coefficients)
+    assert_allclose(_on_parabola(at_nodes), [zero], rtol=1e-6)
 
 
 @pytest.mark.parametrize("ahead", [0.0, 0.03])

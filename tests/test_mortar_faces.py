@@ -174,6 +174,15 @@ def test_half_a_face_is_merged_without_a_preference():
     assert_allclose(basis.S[0], expected, rtol=0, atol=ROUND_OFF)
 
 
+def test_one_multiplier_is_that_of_the_node_that_most_is_covered_of():
+    """Of nodes with as much, that of the node that has more on all its faces together."""
+    face = FACETS["tri3"]
+    whole, total, one = np.full((1, 3), 4.0), np.array([[8.0, 9.0, 12.0]]), np.array([True])
+    for covered, node in (([3.0, 2.0, 1.0], 0), ([1.0, 3.0, 3.0], 2), ([3.0, 3.0, 1.0], 1)):
+        basis = dual_basis(face, np.diag(covered)[None], whole, total, constant=one)
+        assert np.flatnonzero(basis.S[0].any(axis=1)).tolist() == [node]
+
+
 def test_a_strip_across_the_middle_keeps_one_edge():
     """Two multipliers along the strip, each constant across it: all four would have to extrapolate."""
     face = FACETS["quad4"]

@@ -68,6 +68,15 @@ def test_springs_that_lose_half_are_left_to_themselves():
     assert_allclose(found.response.normal_force, 1 / (1 - share), rtol=2e-9)
 
 
+def test_springs_without_rest_are_told():
+    """Of rows that contradict each other forces grow by the same from solve to solve; others rest."""
+    step, iterate, solved = springs_that_keep([1.0, 0.1])
+    found = rested(step, iterate)
+    assert found.strained and len(solved) < 15
+    assert_allclose(found.growth, [[1.0], [0.0]], atol=1e-6)
+    assert_allclose(found.response.normal_force, [0.0, 1 / 0.9], atol=1e-5)  # without what has grown
+
+
 # -- bounds that are told to users, or decide what is told -----------------------------------------
 
 

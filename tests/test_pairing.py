@@ -426,6 +426,9 @@ def test_diagnosis_of_an_overhang():
         f"farthest, point {worst} "
         "at (1.02, 1), misses by 0.02 (0.4 facet lengths)."
     )
+    assert line.endswith(
+        "too short, or the two are swapped; enlarge it, or swap secondary and primary."
+    )
 
 
 def test_diagnosis_of_swapped_and_distant_surfaces():
@@ -662,3 +665,16 @@ def test_a_needle_on_a_node_presses_that_node(steep, deep):
         assert_allclose(found.gap[middle], -deep, rtol=0, atol=1e-12)
         vertex = int(np.argmin(tip.points[:, 1]))
         assert found.vertex[middle] == vertex
+
+
+@pytest.mark.parametrize("steep", [1.0, 5.0])
+def test_a_needle_on_a_sharp_node_leaves_its_row(steep):
+    """The node is a corner itself, and its own row holds the point of the needle already."""
+    roof = block([-1.0, -0.5, 0.0, 0.5, 1.0], 0, 1, -9, 0, wave=lambda x: -0.6 * np.abs(x)).surface(
+        "top"
+    )
+    needle = block([-0.1, 0.0, 0.1], 0, 1, 0, 9, wave=lambda x: steep * np.abs(x)).surface("bottom")
+    own, found = node_to_segment(roof, needle), corner_contacts(roof, needle)
+    found = found.rows(own, False)
+    assert_allclose(found.normal[2], own.normal[2], atol=1e-12)
+    assert found.gap[2] == 0.0 and found.vertex[2] == int(np.argmin(needle.points[:, 1]))

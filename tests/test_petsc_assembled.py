@@ -23,12 +23,13 @@ from numpy.testing import assert_allclose
 from petsc_scenes import blocks, elastic, mesh_of, some_elements
 from quick_elasticity import linear_elasticity as quick_elasticity
 from scipy.sparse import csr_matrix
+from scipy.sparse.linalg import spsolve
 from skfem.generic_utils import OrientedBoundary
 from skfem.models.elasticity import linear_elasticity
 from test_petsc import ALL, FEW, assert_said, assert_serial, mpirun, needs_petsc
 
 import skfem_contact as sc
-from skfem_contact.answers import strains
+from skfem_contact.answers import answer_of, strains
 from skfem_contact.petsc import (
     StackedStiffness,
     assembled,
@@ -205,6 +206,31 @@ def test_the_reduced_matrix_is_that_of_the_whole_one(alone: Ranks, unlike: bool)
     assert (rows[gone].indices == gone).all() and (rows[gone].data == 7.0).all()
     motions = held.directions(alone.comm, there)[slot]
     assert_allclose(motions @ motions.T, _projector(directions(lower.rigid_modes[slot])), atol=1e-12)
+
+
+def test_contact_is_eliminated_from_what_ranks_hold(alone: Ranks) -> None:
+    """A backend is given the reduced matrix on ranks, and its answer is that of the whole matrix."""
+    (lower, _), _ = blocks(2, "mortar", "small", 10)
+    disc = sc.RigidCylinder((0.0, 5.0), 5.02)
+    joint = sc.Contact(lower.surface("top"), disc, friction=sc.Coulomb(0.3))
+    solver = sc.ContactSolver(lower, joint, linear=sc.linalg.Direct())
+    result = solver.solve()
+    assert set(result.status) == {0, 1, 2}
+    problem, answer = solver.linear_model.problem_on(None, None), answer_of(result)
+    stack = StackedStiffness((lower,), [assembled(alone, elastic, lower.basis)], True)
+
+    def factorize(K_r: Any, **told: Any) -> Any:
+        slot, held = K_r.layout.slot, alone.held[stack.key]
+        ((core, there, *change),) = K_r._pieces()
+        own = held.reduced(core, there, 1.0, petsc_assembled.csr_of(change, stack.shape))
+        return SimpleNamespace(solve=lambda b: spsolve(own[slot][:, slot].tocsc(), b))
+
+    load = problem.load(answer.case)
+    expected = problem.solve(answer.conditions, load)
+    problem.space = replace(problem.space, K=stack, backend=SimpleNamespace(factorize=factorize))
+    found = problem.solve(answer.conditions, load)
+    assert_allclose(found.solution, expected.solution, rtol=0, atol=1e-13)
+    assert_allclose(found.normal_force, expected.normal_force, rtol=0, atol=1e-13)
 
 
 def _projector(Q: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import internals
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -21,6 +22,8 @@ from skfem_contact.problem import (
     definite_inverse,
     independent,
 )
+
+indefinite_inverse = internals.beside(definite_inverse, "indefinite_inverse")
 
 m = 60  # of them 10 closed: enough for the reduction to be worth its while
 
@@ -327,3 +330,13 @@ def test_rows_that_depend_on_each_other_are_refused_unless_springs_part_them() -
     assert_allclose(inverse @ W, np.eye(2), atol=1e-6)  # the condition is 4e8
     apart = np.array([[1.0, 0.9], [0.9, 1.0]])
     assert_allclose(definite_inverse(apart.copy()), np.linalg.inv(apart), rtol=1e-12)
+
+
+@pytest.mark.parametrize("spoiled", [0.0, np.inf, np.nan])
+def test_a_row_without_a_finite_flexibility_is_refused(spoiled: float) -> None:
+    """Bodies that are not stable have one of either sign, and no inverse of a row of zeros or NaN."""
+    W = np.diag([1.0, -2.0])
+    assert_allclose(indefinite_inverse(W.copy()), np.diag([1.0, -0.5]), rtol=1e-12)
+    W[1, 1] = spoiled
+    with pytest.raises(LinAlgError, match="finite flexibility"):
+        indefinite_inverse(W)

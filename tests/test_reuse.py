@@ -90,6 +90,17 @@ def test_without_friction() -> None:
     assert abs(found.force[0]) == 0.0
 
 
+def test_friction_alone_holds_a_body() -> None:
+    """A solver without friction has no answer and need not look for one: its twin has friction."""
+    basis = fem.Basis(fem.MeshQuad().refined(2).with_defaults(), fem.ElementVector(fem.ElementQuad1()))
+    body = sc.Body(basis, linear_elasticity(), f={"top": (0.01, -0.1)}, name="block")
+    floor = sc.RigidPlane((0, 0), (0, 1))
+    smooth = sc.ContactSolver(body, sc.Contact(body.surface("bottom"), floor))
+    assert_allclose(smooth.with_friction(sc.Coulomb(0.5)).solve().force, [-0.01, 0.1], atol=1e-12)
+    with pytest.raises(sc.errors.NoEquilibrium):
+        smooth.solve()
+
+
 def test_update_of_one_leaves_the_other() -> None:
     """A body that becomes softer in the twin stays what it is in the first solver."""
     first = scene(sc.Coulomb(0.4))

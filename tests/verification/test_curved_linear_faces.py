@@ -291,6 +291,16 @@ def test_how_gaps_move_with_the_nodes_does_not_depend_on_their_numbers():
         np.testing.assert_allclose(other, moved[0], rtol=0, atol=1e-12 * np.abs(moved[0]).max())
 
 
+def test_heights_turn_with_the_faces():
+    """A turn of the primary turns what smooth boundaries add to gaps, about its own normal too."""
+    upper, lower = patch("quad4", 3, torus, True, 1), patch("tri3", 4, torus, False, 2)
+    moves, x = dual_mortar(upper, lower).primary_bulge, lower.points
+    added = (moves @ x.ravel()).reshape(-1, 3)  # as bodies that swell evenly keep their shape
+    for axis in np.eye(3):
+        turned = (moves @ np.cross(axis, x).ravel()).reshape(-1, 3)
+        np.testing.assert_allclose(turned, np.cross(axis, added), atol=1e-12 * np.abs(added).max())
+
+
 def test_a_fillet_is_exact_and_its_flats_are_flat():
     """A flat that passes into an arc of radius 1 where edges of both meshes lie."""
 
