@@ -190,8 +190,8 @@ class StepReader:
             if named is not None and not isinstance(named, Mapping):
                 row[:] = 1.0
             for name, value in named.items() if isinstance(named, Mapping) else ():
-                plain = np.ndim(value) == 0 and not isinstance(value, Mapping | LinearForm)
-                row[self.system.index(name)] = value if plain else 1.0
+                factor = not is_load(value) and np.ndim(value) == 0
+                row[self.system.index(name)] = value if factor else 1.0
         return out
 
     def vector(self, what: str, given: Any, before: Array, own: Array) -> Array:

@@ -326,7 +326,7 @@ def _left_behind(by: Stepper, attempt: Attempt, lost: Mask, there: Array) -> str
     if not lost.any():
         return ""
     geometry, interface = by.model.geometry, by.model.interface
-    kin = geometry.at(geometry.spread(there), attempt.case, attempt.problem.kin)
+    kin = geometry.at(there, attempt.case, attempt.problem.kin)
     within, closed = lost & kin.paired & (kin.gap0 < 0), attempt.local.status != OPEN
     for name, part in zip(interface.names, interface.point_slices, strict=True):
         if within[part].any() and not closed[part].any():
