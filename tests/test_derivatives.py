@@ -883,7 +883,7 @@ def test_wrong_questions_are_refused():
         ),
         "is many numbers": lambda: result.sensitivity(sc.answers.Parameter("gap", field=True)),
         "side = 2": lambda: result.sensitivity("gap", side=2),
-        "by one parameter, and 2": lambda: result.sensitivity(["gap", "friction"]),
+        "is by one parameter": lambda: result.sensitivity(["gap", "friction"]),
         "not a Sensitivity": lambda: result.sensitivity("gap", after=result),
         "no such obstacle; there are 'floor'": lambda: result.sensitivity(
             sc.answers.Parameter("motion", of="block", along=(1.0, 0.0))

@@ -229,11 +229,8 @@ def stiffness_of(K: Any, basis: Any, whose: str) -> Any:
 
 def mass_of(mass: Any, basis: Any, measure: Any, whose: str) -> Any:
     """Return the mass (n, n) that a user means: a density, a form, or a matrix."""
-    usage = "give the mass by volume, a form or a matrix"
-    if isinstance(mass, list | tuple):
-        raise InputError(f"mass of {whose} is {shown(mass)}; {usage}")
     if np.ndim(mass) == 0 and not isinstance(mass, BilinearForm) and not issparse(mass):
-        density = number(mass, f"mass of {whose}", usage)
+        density = number(mass, f"mass of {whose}", "give the mass by volume, a form or a matrix")
         if not 0.0 < density < np.inf:
             raise InputError(f"mass of {whose} is {density:g}; the mass by volume is positive")
 

@@ -351,6 +351,11 @@ class LoadCase(ByFields):
     bolts: BoltLoads | None = None
     apart: Mapping[int, Array] = field(default_factory=dict)
 
+    def multiple(self, i: int, of_x: bool) -> float:
+        """By which number the step multiplies the own f, or x, of a body."""
+        named = 1.0 if self.multiples is None else float(self.multiples[int(of_x), i])
+        return named if self.scale[of_x] is None else float(self.scale[of_x] or 0.0)
+
     @property
     def applied(self) -> Array:
         """The load without that of bolts, (n,) [force]."""

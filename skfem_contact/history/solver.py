@@ -692,6 +692,12 @@ class ContactSolver(Variants):
             raise InputError(f"cases are {shown(steps)}; give a dict, {{'name': step, ...}}")
         return LoadCases({case: next(self.history([s], start=start)) for case, s in steps.items()})
 
+    def _own(self, result: Any) -> Answer:
+        """The answer of a result of these bodies and contacts."""
+        check_kind(result, ContactResult, "result", "give one of solve() or history()")
+        self._answering.known(result, "result")
+        return result._answer
+
     @known_keywords(**OF_SOLVER)
     def modes(self, result: ContactResult, n: int = 10, *, slipping: str = "stuck") -> Modes:
         """Modes of vibration about a result: closed points stay closed.
@@ -742,12 +748,9 @@ class ContactSolver(Variants):
             0  565.191
             1  1376.18
         """
-        from skfem_contact.answers.tangent.modes import modes, refuse_others
+        from skfem_contact.answers.tangent.modes import modes
 
-        check_kind(result, ContactResult, "result", "give one of solve() or history()")
-        self._answering.known(result, "result")
-        answer = result._answer
-        refuse_others(answer, self._stiffness)
+        answer = self._own(result)
         # with bolts locked; of bodies that are not linear the tangent where a step from here begins:
         # in a small vibration nothing flows on
         stiffness = answer.stiffness
@@ -804,11 +807,9 @@ class ContactSolver(Variants):
         ContactWarning
             A loop did not close.
         """
-        from skfem_contact.answers.tangent.modes import damping, refuse_others
+        from skfem_contact.answers.tangent.modes import damping
 
-        check_kind(result, ContactResult, "result", "give one of solve() or history()")
-        self._answering.known(result, "result")
-        refuse_others(result._answer, self._stiffness)
+        self._own(result)
         return damping(self, result, modes, amplitudes, mode, steps, cycles)
 
     @known_keywords(**OF_SOLVER)

@@ -123,9 +123,7 @@ def parameters(by: Any, many: bool) -> tuple[Parameter, ...]:
         raise InputError("by is empty: name what to differentiate by, by=['friction']")
     for p in found:
         if not many and (p.field or p.each_step):
-            raise InputError(
-                f"{p!r} is many numbers, which are for gradient; give a direction, along=..., here"
-            )
+            raise InputError(f"{p!r} is many numbers, for gradient; give a direction, along=..., here")
     return found
 
 
@@ -139,11 +137,9 @@ def change(by: Parameter, tangent: Tangent) -> Values:
     """
     if by.kind == "scene":
         return _between(by, tangent)
-    if by.kind in BOLTS and tangent.bolts is None:
-        if not tangent.answer.bolt_names:
-            raise InputError(f"{by!r}: the solver has no bolts, ContactSolver(..., bolts=[...])")
-        return {}
     answer, places = tangent.answer, _places(by, tangent.answer)
+    if by.kind in BOLTS and tangent.bolts is None:
+        return {}
     (m, d), b = answer.kin.normal.shape, len(answer.bolt_names)
     of_dofs, of_bolts = dict.fromkeys(LOADS, (answer.system.n,)), dict.fromkeys(BOLTS, (b,))
     p = np.zeros((of_dofs | of_bolts | {"motion": (m, d)}).get(by.kind, (m, 1)))
@@ -193,13 +189,9 @@ def _maps(by: Parameter, tangent: Tangent, places: Places) -> Maps:
     if kind in LOADS:
         load = kind == "load"
         # of a body in a step over those that a user gives; or of all, with what fluids have by now
-        factor, units = case.scale[not load], system.units * np.ones(system.n)
-        each = 1.0 / units if load else units
-        if factor is None and case.multiples is not None:
-            for i, at in places:
-                each[at] *= case.multiples[0 if load else 1, i]
-        elif factor is not None:
-            each = each * factor
+        each = (system.units if not load else 1.0 / system.units) * np.ones(system.n)
+        for i, at in places:
+            each[at] *= case.multiple(i, not load)
         if by.field or by.along is not None:
             return [("f" if load else "x", FIELD, each)]
         if not load:
@@ -228,13 +220,10 @@ def _by_coefficient(tangent: Tangent, i: int, part: slice) -> Array:
     force = np.maximum(answer.local.normal_force[part], 0.0)
     if type(law) is Tresca:
         return closed * area
-    if law is None:
-        raise InputError(f"contact {answer.names[i]!r} has no friction to differentiate by")
     if type(law) is not Coulomb:
-        raise InputError(
-            f"contact {answer.names[i]!r} has the law {type(law).__name__}, which has no single "
-            "coefficient. Use Parameter('scene', between=(...)), two solvers whose laws differ."
-        )
+        own = f"the law {type(law).__name__}, which has no single coefficient" if law else "no friction"
+        words = "Use Parameter('scene', between=(...)), two solvers whose laws differ."
+        raise InputError(f"contact {answer.names[i]!r} has {own}. {words if law else ''}")
     free = law.mu * force + law.cohesion * area < law.tau_max * np.maximum(area, 0.0)
     return (free | np.isinf(law.tau_max)) * closed * force
 
@@ -245,16 +234,12 @@ def _between(by: Parameter, tangent: Tangent) -> Values:
     *ends, width = by.between
     answer = tangent.answer
     if len({(s.system.n, s.kin.m, s.kin.paired.tobytes()) for s in (*ends, answer)}) != 1:
-        raise InputError(
-            f"{by!r}: the two scenes and the solver differ in their DOFs, points, or in which points "
-            "have a partner; nodes may move, and must stay the same. Take a smaller width."
-        )
+        words = f"{by!r}: the two scenes and the solver differ in their DOFs, points or partners"
+        raise InputError(f"{words}; nodes may move, and must stay the same. Take a smaller width.")
     axes = [s.kin.axes.round(12).tobytes() for s in (*ends, answer)]
     if answer.kin.scaled is not None and len(set(axes)) != 1:
-        raise InputError(
-            f"{by!r}: axes of OrthotropicCoulomb differ between the scenes. Leave the surface where it "
-            "is, and change both coefficients by one factor."
-        )
+        words = f"{by!r}: axes of OrthotropicCoulomb differ between the scenes. Leave the surface"
+        raise InputError(f"{words} where it is, and change both coefficients by one factor.")
     less, more = (_in_scene(solver, tangent) for solver in ends)
     return {name: (more[name] - less[name]) / width for name in less}
 
@@ -311,30 +296,26 @@ def _places(by: Parameter, answer: Answer) -> Places:
             raise InputError(f"{by!r}: of is a contact; name a body")
         bodies = system.bodies if by.of is None else [system.bodies[system.index(by.of)]]
         return [(system.bodies.index(body), system.slice(body)) for body in bodies]
-    bolts, motion, contacts = answer.bolts, by.kind == "motion", answer.contacts
-    if bolts is not None and by.kind in BOLTS:
-        what, names = "bolt", bolts.names
-        meant = [by.of in (None, *own) for own in zip(names, bolts.bolts, strict=True)]
+    bolts, motion, contacts, of = answer.bolts, by.kind == "motion", answer.contacts, by.of
+    places: Places = [*enumerate(answer.model.interface.point_slices)]
+    if by.kind in BOLTS:
+        what, names = "bolt", [*answer.bolt_names]
+        meant = [of in (None, *own) for own in zip(names, bolts.bolts if bolts else (), strict=True)]
+        places = [(0, [i]) for i in range(len(names))]
     else:
-        what, names = "contact", answer.names
-        if by.of is None:
-            meant = [bool(c.rigid if motion else c.friction or by.kind != "friction") for c in contacts]
-        else:
-            tools = [c.primary.name if motion and c.rigid else None for c in contacts]
-            known, number = [*names] if by.of in names else tools, number_of(by.of, contacts)
-            meant = [i == number or own == by.of for i, own in enumerate(known)]
-            if motion:  # a surface of a body is no tool
-                what, names = "obstacle", tuple(own for own in tools if own)
-                meant = [own and c.rigid for own, c in zip(meant, contacts, strict=True)]
+        what, names, number = "contact", [*answer.names], number_of(of, contacts)
+        tools = [c.primary.name if c.rigid else None for c in contacts]  # surfaces of bodies are none
+        able = [bool(c.rigid if motion else c.friction or by.kind != "friction") for c in contacts]
+        known = zip(names, tools, strict=True)
+        named = [of in own[: 1 + motion] or i == number for i, own in enumerate(known)]
+        meant = (
+            able if of is None else [a and (b or not motion) for a, b in zip(named, able, strict=True)]
+        )
+        what, names = ("obstacle", [own for own in tools if own]) if motion else (what, names)
     if not any(meant):
-        if by.of is None:
-            raise InputError(f"{by!r}: no contact has {'an obstacle' if motion else 'friction'}")
-        words = ", ".join(map(repr, names))
-        raise InputError(f"{by!r}: there is no such {what}; there are {words or 'none'}.")
-    some = [i for i, own in enumerate(meant) if own]
-    return (
-        [(0, some)] if what == "bolt" else [(i, answer.model.interface.point_slices[i]) for i in some]
-    )
+        there = ", ".join(map(repr, names)) or "none"
+        raise InputError(f"{by!r}: there is no such {what}; there are {there}.")
+    return [place for place, own in zip(places, meant, strict=True) if own]
 
 
 def _field(by: Parameter, there: Array) -> Array | float:
@@ -342,9 +323,8 @@ def _field(by: Parameter, there: Array) -> Array | float:
     if by.along is None or (by.kind == "stiffness" and issparse(by.along)):
         return 1.0
     wanted = {"motion": there.shape[1:], "stiffness": ()}.get(by.kind, there.shape[:1])
-    usage = "give a number, or one for each point or DOF"
-    usage = "give a translation, along=(1.0, 0.0)" if by.kind == "motion" else usage
-    values = numbers(by.along, f"{by!r}: along", usage)
+    usage = "translation, (1.0, 0.0)" if by.kind == "motion" else "number, or one for each point or DOF"
+    values = numbers(by.along, f"{by!r}: along", f"give a {usage}")
     if values.shape != wanted and (values.shape or by.kind == "motion"):
         raise InputError(f"{by!r}: along has shape {values.shape}, not {wanted}")
     return values.reshape(-1, *there.shape[1:])

@@ -130,22 +130,16 @@ class Sensitivity(NamesAttributes):
 
 def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int) -> Sensitivity:
     """Derivatives of an answer; see `ContactResult.sensitivity`."""
-    given = parameters(by, many=False)
-    if len(given) > 1:
-        raise InputError(
-            f"sensitivity(by) is by one parameter, and {len(given)} are given: ask for one after the "
-            "other, or for solver.gradient(objective, steps, by=[...])"
-        )
-    [by] = given
+    by, *more = parameters(by, many=False)
+    if more:
+        raise InputError("sensitivity(by) is by one parameter; gradient(..., by=[...]) by several")
     if after is not None:
         check_kind(after, Sensitivity, "after", "give result.sensitivity(...) of the step before")
     if side not in (-1, 0, 1):
         raise InputError(f"side = {shown(side)}; it may be 1, -1, or 0 for the statuses that hold")
     if after is not None and not (_same(after.by, by) and after.side == side):
-        raise InputError(
-            f"after is by {after.by!r}, side {after.side}; here by {by!r}, side {side}, which is "
-            "another parameter: give the sensitivity of the step before by this one"
-        )
+        words = f"after is by {after.by!r}, side {after.side}; here by {by!r}, side {side}"
+        raise InputError(f"{words}: give the sensitivity of the step before by the same parameter")
     sign, last = -1.0 if side < 0 else 1.0, {} if after is None else after._values
     found = {name: sign * own for name, own in change(by, tangent).items()}
     at_kink = side and len(tangent.kinks)
@@ -155,11 +149,8 @@ def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int)
 
 def _same(one: Parameter, other: Parameter) -> bool:
     """Whether two parameters are one: what is printed of them leaves scenes and long arrays out."""
-    if repr(one) != repr(other) or one.between != other.between:
-        return False
-    if issparse(one.along):
-        return one.along.shape == other.along.shape and not (one.along != other.along).nnz
-    return np.array_equal(one.along, other.along)
+    along = [own.along.toarray() if issparse(own.along) else own.along for own in (one, other)]
+    return (repr(one), one.between) == (repr(other), other.between) and np.array_equal(*along)
 
 
 # -- histories ------------------------------------------------------------------------------------
@@ -242,14 +233,13 @@ class Jacobian(NamesAttributes):
     @property
     def words(self) -> str:
         """Say what the values do not tell, in words; empty where they tell every parameter."""
-        told: list[bool] = np.any(self.matrix != 0, axis=0).tolist()
+        told = np.any(self.matrix != 0, axis=0)
         slips = any(np.any(values.status == 2) for result in self.results for values in result)
-        untold = (by for by, on in zip(self.by, told, strict=True) if not on)
-        said = [f"The values do not depend on {by!r}." for by in untold]
+        each = zip(self.by, told, strict=True)
+        said = [f"The values do not depend on {by!r}." for by, on in each if not on]
         if not slips and any(by.kind == "friction" for by in self.by):
             said.append("No point slips in this history.")
-        alike = sum(told) - self.rank
-        if alike:
+        if alike := int(told.sum()) - self.rank:
             said.append(f"{alike} combinations of the other parameters have no effect on them.")
         if said:
             said.append("Start where they do, measure something else, or leave parameters out.")
@@ -307,9 +297,7 @@ def jacobian(history: History, observe: Asked, by: Any, side: int, recover: Any)
     by = parameters(by, many=False)
     with Workspace() as work:
         results, values, given = _linearised(history, observe, by, recover, work)
-        values = numbers(values, "values of observe", "give a vector")
-        if values.ndim != 1:
-            raise InputError(f"values of observe are {shown(values)}; give a vector: of one, [value]")
+        values = np.ravel(numbers(values, "values of observe", "give a vector"))
         matrix = np.zeros((len(values), len(by)))
         for j, p in enumerate(by):
             known: Sensitivity | None = None
@@ -324,10 +312,8 @@ def _rows(given: Any, count: int) -> list[tuple[int, Any]]:
     """The values that depend on a result, each with its derivatives."""
     given = {} if given is None else given
     if not isinstance(given, dict) or not all(key in range(count) for key in given):
-        raise InputError(
-            f"derivatives of observe are {shown(given)}; give for each result a dict by the number of "
-            f"the value, 0 to {count - 1}: {{3: {{'force': (1.0, 0.0)}}}}"
-        )
+        words = f"derivatives of observe are {shown(given)}; give for each result a dict by the number"
+        raise InputError(f"{words} of the value, 0 to {count - 1}: {{3: {{'force': (1.0, 0.0)}}}}")
     return list(given.items())
 
 
@@ -340,9 +326,8 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At, tuple[
     Of a resultant each point has its share.
     """
     if what not in AT_CONTACT:
-        raise InputError(
-            f"no quantity is named {what!r}; there are {', '.join([*AT_CONTACT, *ELSEWHERE])}"
-        )
+        there = ", ".join([*AT_CONTACT, *ELSEWHERE])
+        raise InputError(f"no quantity is named {what!r}; there are {there}")
     if contact is None and len(answer.names) != 1 and what != "dissipation":
         raise InputError(f"{what}: there are several contacts; name one of {', '.join(answer.names)}")
     i = 0 if contact is None else Named(answer.contacts, answer.names, "contacts").index_of(contact)
@@ -352,9 +337,9 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At, tuple[
     m, t, d = part.stop - part.start, kin.tangents, kin.normal.shape[1]
     if what == "dissipation":
         if not all(law.steady for _, law in answer.model.interface.laws):
+            words = "dissipation has derivatives with Coulomb, OrthotropicCoulomb and Tresca: bounds of"
             raise InputError(
-                "the energy that friction takes has derivatives with Coulomb, OrthotropicCoulomb and "
-                "Tresca: bounds of other laws may change with the slip. Leave dissipation out of it."
+                f"{words} other laws may change with the slip. Leave dissipation out of it."
             )
         return [(ASKED, "lost", 1.0)], slice(None) if contact is None else part, ()
     if what in ("gap", "normal_force"):
@@ -365,10 +350,8 @@ def _quantity(answer: Answer, what: str, contact: Any) -> tuple[Maps, At, tuple[
         return [(ASKED, "normal_force", per), (ASKED, "area", -(per**2) * normal_force)], heir, (m,)
     if what == "slip":
         if not answer.model.interface.slipping[part].any():
-            raise InputError(
-                f"slip of contact {answer.names[i]!r}: without friction nothing tangential is solved "
-                "for, and its slip is no unknown. Take the displacements of the bodies."
-            )
+            words = f"slip of contact {answer.names[i]!r}: without friction it is no unknown"
+            raise InputError(f"{words}. Take the displacements of the bodies.")
         turned = 1.0 if kin.scaled is None else np.einsum("ikd,ild->ilk", kin.duals, kin.tangent)
         return [(ASKED, "slipped", turned)], heir, (m, t)
     if what == "tangential_force":

@@ -45,7 +45,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import eig
-from scipy.sparse import block_diag, csc_matrix, csr_matrix, issparse
+from scipy.sparse import block_diag, csc_matrix, csr_matrix
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 
 from skfem_contact.answers.answer import Answer, answer_of
@@ -57,7 +57,7 @@ from skfem_contact.assemblies.joints import aligned
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.rows import tangential_matrix
 from skfem_contact.conditions.state import OPEN, STICK
-from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
+from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError, SingularMatrix, warn
 from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.linalg.direct import Direct
@@ -138,15 +138,13 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
     stick = closed & (interface.frictional | interface.tied)
     if slipping != "stuck":
         stick &= answer.local.status == STICK
-    spring = np.zeros(len(stick))  # of joints that give; those of a loop are none
-    for part, own in interface.laws:
-        G = own.law.stiffness
-        if G is not None and np.isfinite(G):
-            spring[part] = G * (stick & interface.frictional)[part]
+    spring = np.zeros(len(stick))
+    for part, own in interface.laws:  # of joints that give; those of a loop are none
+        G = 0.0 if own.law.stiffness in (None, np.inf) else own.law.stiffness
+        spring[part] = np.where((stick & interface.frictional)[part], G, 0.0)
     stick &= spring == 0
     if np.any(spring):
-        each = spring[:, None, None] * np.eye(answer.kin.tangents)
-        K = csr_matrix(K + tangential_matrix(answer.kin.B_t, each))
+        K = K + tangential_matrix(answer.kin.B_t, spring[:, None, None] * np.eye(answer.kin.tangents))
     slope = Tangent(answer).slope if slipping == "steady" else 0.0
     trial = left_free(answer, closed, stick)
     test = left_free(answer, closed, stick, slope) if np.any(slope) else trial
@@ -173,25 +171,6 @@ def modes(answer: Answer, stiffness: Sequence[csr_matrix], n: int, slipping: str
     whole, turns = np.asarray(trial.T @ found[:, order]).T, turns[order]
     growth = np.where(np.abs(turns.real) > least, turns.real, 0.0)
     return Modes(np.abs(turns.imag) / (2 * np.pi), growth, _sized(whole, M, system), slipping, system)
-
-
-def refuse_others(answer: Answer, stiffness: Sequence[csr_matrix]) -> None:
-    """Raise `InputError` for a result of a solver whose bodies have another stiffness than here.
-
-    Springs that hold a body for a moment are on the diagonal; loose bolts are another matter.
-    """
-    system = answer.system
-    for i, (name, own, there) in enumerate(zip(system.names, stiffness, answer.stiffness, strict=True)):
-        known = system.bodies[i].nonlinear or i in system.slides or not issparse(own)
-        if known or there is own:
-            continue
-        beyond = csr_matrix(there - own)
-        beyond.setdiag(0.0)
-        if abs(beyond).max() > GIVEN * abs(own).max():
-            raise InputError(
-                f"result is of a solver in which body {name!r} has another stiffness: ask the solver "
-                "that found it"
-            )
 
 
 def mass(system: System) -> csr_matrix:
@@ -352,10 +331,8 @@ def damping(
     if modes.shapes.shape[1] != answer_of(result).system.n:
         raise InputError("modes are those of other bodies: give modes of this result")
     if np.iscomplexobj(modes.shapes[i]) or modes.growth[i] or not modes.frequency[i]:
-        raise InputError(
-            f"mode {i} is a rigid motion, grows, or is complex: it has no force that brings it back. "
-            "Take another one; of slipping='stuck' or 'free' none is complex."
-        )
+        words = f"mode {i} is a rigid motion, grows, or is complex: it has no force that brings it back"
+        raise InputError(f"{words}. Take another one; of slipping='stuck' or 'free' none is complex.")
     asked = np.atleast_1d(numbers(wanted, "amplitudes", "give a list of lengths"))
     if asked.ndim != 1 or not len(asked) or not np.all(np.isfinite(asked) & (asked > 0)):
         raise InputError(f"amplitudes = {shown(wanted)}; give a list of lengths above zero")

@@ -183,10 +183,8 @@ class Verge:
         self.rubs = rubs = changes & answer.model.interface.frictional & has_slip
         self.touches = changes & (tangent.margins[0] <= SOLVED) & (there.normal_rows >= 0)
         if rubs.any() and not tangent.rule.steady:
-            raise InputError(
-                "side: bounds of friction that change with the slip have no one-sided derivatives. "
-                "Take Coulomb, OrthotropicCoulomb or Tresca, or move the load a little off the kink."
-            )
+            words = "side: bounds of friction that change with the slip have no one-sided derivatives"
+            raise InputError(f"{words}. Take Coulomb or Tresca, or a load a little off the kink.")
         self.slope = tangent.rule.slope(local.normal_force, local.slip)
         slid = tangent.slid & rubs
         self.open, self.slips = self.touches & ~tangent.closed, slid.copy()
