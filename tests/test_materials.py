@@ -412,6 +412,21 @@ def test_materials_go_to_other_processes(material):
     assert_allclose(copy(H, state)[0], material(H, state)[0], rtol=0)
 
 
+def test_temperatures_at_nodes():
+    """Nine values at the nodes of a heat problem are none at the nine points of an element."""
+    mesh = fem.MeshQuad().refined(1).with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementQuad1()), intorder=4)
+    heat, steel = basis.with_element(fem.ElementQuad1()), Elastic(E, 0.0, expansion=1e-5)
+    T = heat.project(lambda x: 10.0 * x[0])
+    with pytest.raises(sc.errors.InputError, match=r"f of body 'b': temperature .*interpolator\(T\)"):
+        sc.Body(basis, steel, f=steel.warmed(T), D="left", name="b")
+    by_nodes, by_place = (
+        sc.Body(basis, steel, f=steel.warmed(f)).f
+        for f in (heat.interpolator(T), lambda x: 10.0 * x[0])
+    )
+    assert_allclose(by_nodes, by_place, atol=1e-8 * abs(by_place).max())
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [

@@ -343,6 +343,8 @@ def _on_its_basis(basis: Any, what: str) -> Iterator[None]:
     """Say of a form that can not be assembled what it asks for, or for how many components it is."""
     try:
         yield
+    except InputError as error:  # of what the form is made of
+        raise InputError(f"{what}: {error}") from error
     except (KeyError, AttributeError) as error:
         raise InputError(
             f"{what} is a form that reads what is not there ({error}). A body whose form reads its own "

@@ -223,13 +223,21 @@ class Elastic(Isotropic):
     ) -> LinearForm:
         """The load of a temperature: a number, or a function of the component-first position.
 
+        Of values T at the nodes, as of a heat problem, it is ``basis.interpolator(T)``.
+
         A body that takes the form weighs it by its own measure.
         """
         if not self.expansion:
             raise InputError(f"{self} does not expand: give Elastic(..., expansion=...)")
 
         def holding(x: Array) -> Any:
-            T = temperature(x) if callable(temperature) else temperature
+            given = temperature(x) if callable(temperature) else temperature
+            usage = (
+                "give a number, or a function of the position; of values at nodes basis.interpolator(T)"
+            )
+            T = numbers(given, "temperature", usage)
+            if T.shape not in ((), x.shape[1:]):
+                raise InputError(f"temperature of shape {T.shape}: {usage}")
             return 3.0 * self.bulk * self.expansion * T
 
         def load(v: Any, w: Any, axisymmetric: bool) -> Any:

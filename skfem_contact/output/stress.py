@@ -210,7 +210,7 @@ def nodal_stress(
     *,
     E: float,
     nu: float,
-    plane: Literal["strain", "stress", "axisymmetric"] = "strain",
+    plane: Literal["strain", "stress", "axisymmetric"] | None = None,
 ) -> Array:
     r"""Stress tensor at the nodes of a homogeneous isotropic body, by projection.
 
@@ -221,9 +221,9 @@ def nodal_stress(
         Displacement of this body [length].
     E, nu : float
         Young's modulus [stress] and Poisson's ratio.
-    plane : {"strain", "stress", "axisymmetric"}
-        What the third direction does in 2-D; not used in 3-D. Axisymmetric: r and z are the first
-        and the second coordinate.
+    plane : {"strain", "stress", "axisymmetric"}, optional
+        What the third direction does in 2-D; not used in 3-D. By default "axisymmetric" of bodies with
+        such a `measure`, else "strain". Axisymmetric: r and z are the first and the second coordinate.
 
     Returns
     -------
@@ -258,9 +258,11 @@ def nodal_stress(
     >>> stress.shape == (mesh.nvertices, 3, 3)
     True
     """
+    check_kind(body, Body, "body", "stresses are those of bodies with a mesh")
+    if plane is None:
+        plane = "axisymmetric" if body.axisymmetric else "strain"
     if not isinstance(plane, str) or plane not in PLANES:
         raise InputError(f"plane = {shown(plane)} is not one of {PLANES}.")
-    check_kind(body, Body, "body", "stresses are those of bodies with a mesh")
     if body.components == 1:
         raise InputError(f"body {body.name!r} is a scalar problem: it has no stress tensor.")
     E = number(
@@ -297,7 +299,7 @@ def von_mises(
     *,
     E: float,
     nu: float,
-    plane: Literal["strain", "stress", "axisymmetric"] = "strain",
+    plane: Literal["strain", "stress", "axisymmetric"] | None = None,
 ) -> Array:
     """Von Mises stress at the nodes, shape (nodes,) [stress]; parameters as in `nodal_stress`.
 

@@ -439,7 +439,7 @@ def whole_shares(surface: ContactSurface) -> Array:
     if measure is not None:
         area = area * measure(np.moveaxis(N @ surface.measured_at[surface.facets], -1, 0))
     whole, plain = _positive_shares(kind, area @ N)
-    return np.asarray(np.where(whole > SHARE_KEPT**2 * plain, whole, plain))
+    return np.asarray(np.where(_poor(surface, whole, plain), plain, whole))
 
 
 def poor_nodes(surface: ContactSurface) -> Mask:
@@ -448,11 +448,21 @@ def poor_nodes(surface: ContactSurface) -> Mask:
     The end of a quadratic line on the axis of symmetry: its integral is zero if the line is straight,
     else that of the curvature, and a force over it is off by the errors of the neighbours' forces.
     """
-    whole, plain = _positive_shares(surface.kind, surface.shares)
-    return np.asarray(whole <= SHARE_KEPT**2 * plain)
+    return _poor(surface, *_positive_shares(surface.kind, surface.shares))
 
 
 def _positive_shares(kind: FacetKind, shares: Array) -> tuple[Array, Array]:
     """Integrals of the positive functions, and those on straight facets of the same area, (nf, k)."""
     positive = positive_functions(kind)
     return shares @ positive.T, np.outer(shares.sum(axis=1), positive @ kind.shares)
+
+
+def _poor(surface: ContactSurface, whole: Array, plain: Array) -> Mask:
+    """Return where `whole` is zero; on the axis also where it is less than multipliers need."""
+    poor, measure = whole <= COMPUTED * plain, surface.body.measure
+    if measure is None:
+        return np.asarray(poor)
+    at = np.moveaxis(surface.measured_at[surface.facets], -1, 0)
+    weight = np.broadcast_to(measure(at), whole.shape)
+    on_axis = weight <= COMPUTED * weight.max(axis=1, keepdims=True)
+    return np.asarray(poor | (on_axis & (whole < SHARE_KEPT * plain)))
