@@ -300,6 +300,8 @@ class Variants(ProblemSetup):
     def with_stiffness(self: V, body: Member | str, K: Any) -> V:
         """A solver with another stiffness of one body; only that body is condensed again.
 
+        Loads stay as they are, that of a temperature too: give it anew by `with_load`.
+
         The way in for bodies whose stiffness changes: a Newton loop of the user's own around this
         solver, with the tangent stiffness and ``f = f_ext - f_int(u) + K u`` of each iterate.
 
