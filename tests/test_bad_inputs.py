@@ -252,6 +252,14 @@ def test_what_is_wrong_is_refused_in_words(argument):
     assert refused > 10
 
 
+@pytest.mark.parametrize("wrong", [2.5, np.inf])
+def test_counts_are_whole_numbers(wrong):
+    """Of iterations and cuts there is no half, and no end is none of them."""
+    for name in ("max_iterations", "max_cuts"):
+        with pytest.raises(sc.errors.InputError, match=rf"{name} = .* give a whole number"):
+            sc.Options(**{name: wrong})
+
+
 def test_numbers_in_other_clothes_are_taken():
     """NumPy scalars, lists of integers and generators of steps are right inputs, and stay so."""
     touch(adjust=np.float32(0.1), reach=np.int64(3), tied=np.bool_(False), gap=[0, 0, 0])

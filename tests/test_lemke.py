@@ -145,6 +145,23 @@ def test_the_starting_values_are_the_answer(
     assert np.abs(result.u - usual.u).max() < 1e-10 * np.abs(usual.u).max()
 
 
+@pytest.mark.parametrize("law", [LAWS[0], LAWS[-1]])
+def test_points_without_a_partner_are_left_out(law: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The others start as they end: a block that overhangs its support, with friction or without."""
+    basis = rectangle(np.linspace(-0.5, 1.6, 9), np.linspace(-1, 0, 4), order=2)
+    low = sc.Body(basis, linear_elasticity(1.0, 1.0), D="bottom", name="low")
+    body = block()
+
+    def solve() -> sc.answers.ContactResult:
+        contact = sc.Contact(body.surface("bottom"), low.surface("top"), friction=law)
+        return sc.ContactSolver([low, body], contact).solve()
+
+    usual = solve()
+    assert not np.isfinite(usual.gap).all()
+    internals.replace(monkeypatch, "loops.STARTS", ("pivoting", "pivoting"))
+    assert solve().iterations == 1
+
+
 @pytest.mark.parametrize("law", LAWS)
 def test_the_proximal_point_is_the_last_start(law: object, monkeypatch: pytest.MonkeyPatch) -> None:
     """In the plane as in space; by a chain of softer problems it comes to the same answer."""

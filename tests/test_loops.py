@@ -42,6 +42,7 @@ from skfem_contact.problem import Conditions, Load, PointSpace, Resistance, Resp
 
 _by = internals.original("loops._by")
 _go = internals.original("loops._go")
+_peak = internals.original("loops.Pull.peak")
 _lost = internals.original("loops._lost")
 
 LOOPS = {"newton": newton, "direct": direct, "fictitious": fictitious}
@@ -576,3 +577,15 @@ def test_a_peak_is_looked_for_where_the_share_begins_to_fall(shares, peaks):
     found, carried = _go(way, At(0.0, 0.95 if shares[0] == 0.9 else 0.0, guess, gap))
     assert found is None and looked == peaks
     assert carried.share == max(*shares, 0.95 if shares[0] == 0.9 else 0.0)
+
+
+@pytest.mark.parametrize(("top", "best"), [(0.1, 0.5), (0.9, 0.5), (0.5, 0.3), (0.85, 0.7)])
+def test_a_peak_is_found_wherever_it_is_looked_for(top, best):
+    """By halving the longer side, ten times: the share to four digits."""
+
+    def to(pull, start=None):
+        return At(pull, 1.0 - (pull - best) ** 2, None, np.zeros(1))
+
+    assert to(top).share >= max(to(0.0).share, to(1.0).share)
+    found = _peak(SimpleNamespace(to=to), to(0.0), to(top), to(1.0))
+    assert found.share == pytest.approx(1.0, abs=1e-4)

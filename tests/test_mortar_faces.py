@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+import internals
 import numpy as np
 import pytest
 import skfem as fem
 from numpy.testing import assert_allclose
 from quick_elasticity import linear_elasticity
 from scipy.spatial.transform import Rotation
-from solid_meshes import KINDS, as_eight_nodes, at, body, cube, onto_octant, shuffled
+from solid_meshes import KINDS, as_eight_nodes, at, basis_on, body, cube, onto_octant, shuffled
 
 from skfem_contact import Body, Contact
 from skfem_contact.bodies import KINDS as FACETS
@@ -28,6 +29,8 @@ from skfem_contact.pairing import (
     signed_areas,
     whole_shares,
 )
+
+find_supports = internals.beside(dual_basis, "find_supports")
 
 ROUND_OFF = 1e-12  # of sums of hundreds of numbers of the order of one
 FACES = [name for name, kind in FACETS.items() if kind.dim == 2]
@@ -114,6 +117,17 @@ def basis_of(kind, without=None):
     whole = weight @ FACETS[kind].shapes(at)[0] @ positive_functions(FACETS[kind]).T
     whole = np.tile(whole, (count, 1))
     return dual_basis(FACETS[kind], mass, whole, whole, without), whole
+
+
+@pytest.mark.parametrize("other", ["tri3", "quad4"])
+@pytest.mark.parametrize(("width", "above"), [(1.4, 12), (1.1, 10)])
+def test_held_nodes_see_what_is_above_them(other, width, above):
+    """Anywhere on a face, also near its corners; what the primary ends before it sees nothing."""
+    mesh = cube("quad4", 3, lambda x: x + np.array([[0.0], [0.0], [1.0]]))
+    up = body(mesh, "quad4", D=basis_on(mesh, "quad4", 2).get_dofs(at(0, 0.0)))
+    low = body(cube(other, 5, lambda x: width * x - np.array([[0.2], [0.2], [width - 1]])), other)
+    found = find_supports(segment(up.surface(at(2, 1.0)), low.surface(at(2, 1.0))))
+    assert found.above.size == 12 and np.count_nonzero(found.above) == above
 
 
 @every_face

@@ -20,6 +20,7 @@ from skfem_contact.bodies import KINDS
 from skfem_contact.errors import InputError
 from skfem_contact.pairing import (
     Corners,
+    closest_facets,
     corner_contacts,
     diagnose,
     dual_mortar,
@@ -665,6 +666,19 @@ def test_a_needle_on_a_node_presses_that_node(steep, deep):
         assert_allclose(found.gap[middle], -deep, rtol=0, atol=1e-12)
         vertex = int(np.argmin(tip.points[:, 1]))
         assert found.vertex[middle] == vertex
+
+
+@pytest.mark.parametrize(
+    ("beyond", "height", "met"),
+    [(0.02, 0.0, True), (0.03, 0.0, False), (0.2, 0.1, False), (0.02, 0.1, True), (0.02, -0.03, False)],
+)
+def test_a_surface_goes_on_by_a_tenth_of_a_facet(beyond, height, met):
+    """With finite sliding, for what is flush with its end and not as deep in it; else not at all."""
+    low = block(4, 0, 1, 0, 1).surface("top")
+    up = block([0.2, 0.6, 1 + beyond], 0, 1, 1 + height, 2).surface("bottom")
+    for extended in (False, True):
+        point, *_ = closest_facets(up, low, np.inf, 0.5, extended)
+        assert point.tolist() == ([0, 1, 2] if met and extended else [0, 1])
 
 
 @pytest.mark.parametrize("steep", [1.0, 5.0])
