@@ -102,10 +102,8 @@ class Parameter:
         if (self.kind == "scene") != (self.between is not None):
             raise InputError("between=(solver, solver, width) belongs to 'scene', and is needed there")
         if self.field and (self.along is not None or self.kind in ("stiffness", "scene", *BOLTS)):
-            raise InputError(
-                f"Parameter({self.kind!r}, field=True): a field has a value for every point or DOF, so "
-                "it has no `along`; a stiffness, scene or bolt has none: give them one by one."
-            )
+            words = f"Parameter({self.kind!r}, field=True): a field has a value for every point, and no"
+            raise InputError(f"{words} `along`; a stiffness, scene or bolt has none: give one by one.")
         if self.kind == "motion" and self.along is None and not self.field:
             raise InputError("Parameter('motion'): give the direction, along=(1.0, 0.0)")
 
@@ -308,9 +306,8 @@ def _places(by: Parameter, answer: Answer) -> Places:
         able = [bool(c.rigid if motion else c.friction or by.kind != "friction") for c in contacts]
         known = zip(names, tools, strict=True)
         named = [of in own[: 1 + motion] or i == number for i, own in enumerate(known)]
-        meant = (
-            able if of is None else [a and (b or not motion) for a, b in zip(named, able, strict=True)]
-        )
+        both = zip(named, able, strict=True)
+        meant = able if of is None else [a and (b or not motion) for a, b in both]
         what, names = ("obstacle", [own for own in tools if own]) if motion else (what, names)
     if not any(meant):
         there = ", ".join(map(repr, names)) or "none"

@@ -235,8 +235,8 @@ class Jacobian(NamesAttributes):
         """Say what the values do not tell, in words; empty where they tell every parameter."""
         told = np.any(self.matrix != 0, axis=0)
         slips = any(np.any(values.status == 2) for result in self.results for values in result)
-        each = zip(self.by, told, strict=True)
-        said = [f"The values do not depend on {by!r}." for by, on in each if not on]
+        untold = [by for by, on in zip(self.by, told, strict=True) if not on]
+        said = [f"The values do not depend on {by!r}." for by in untold]
         if not slips and any(by.kind == "friction" for by in self.by):
             said.append("No point slips in this history.")
         if alike := int(told.sum()) - self.rank:
@@ -270,10 +270,9 @@ def _linearised(
         value, derivatives = given
         return results, value, list(zip(tangents, derivatives, strict=True))
     except (TypeError, ValueError):
-        raise InputError(
-            f"the function gave {shown(given)}; it has to return (value, derivatives), these a list "
-            f"with a dict for each of {len(results)} results, None where it does not depend on it"
-        ) from None
+        words = f"the function gave {shown(given)}; it has to return (value, derivatives), these a dict"
+        each = f"for each of {len(results)} results, in a list, None where it does not depend on it"
+        raise InputError(f"{words} {each}") from None
 
 
 def gradient(history: History, objective: Asked, by: Any, recover: Any) -> Gradient:
@@ -396,10 +395,8 @@ def _by_bolts(found: Values, answer: Answer, given: Any) -> None:
     names, parts = answer.bolt_names, {"force": "tension", "stretch": "stretch"}
     for name, own in given.items() if isinstance(given, Mapping) else [(given, {})]:
         if name not in names or not isinstance(own, Mapping) or not set(own) <= set(parts):
-            raise InputError(
-                f"the derivative by bolts is {shown(given)}; give one by force or stretch, "
-                f"{{'bolt 1': {{'force': 1.0}}}}. Bolts of the solver: {', '.join(names) or 'none'}"
-            )
+            words = f"the derivative by bolts is {shown(given)}; give one by force or stretch, as"
+            raise InputError(f"{words} {{'bolt 1': {{'force': 1.0}}}}. Bolts of the solver: {[*names]}")
         for what, value in own.items():
             add(found, parts[what], float(value) * (np.array(names) == name))
 

@@ -178,11 +178,8 @@ def mass(system: System) -> csr_matrix:
     mass = [getattr(body, "mass", None) for body in system.bodies]
     bare = [name for name, own in zip(system.names, mass, strict=True) if own is None]
     if bare:
-        raise InputError(
-            f"no mass is given of {', '.join(map(repr, bare))}: give Body(..., mass=density), a form "
-            "or a matrix, or a material with a density; RigidBody(..., mass=(m, m, J)), or an obstacle "
-            "that is held."
-        )
+        words = f"no mass is given of {', '.join(map(repr, bare))}: give Body(..., mass=), a density,"
+        raise InputError(f"{words} form or matrix; RigidBody(..., mass=(m, m, J)), or a held obstacle.")
     scaled = [system.scaled(body, own) for body, own in zip(system.bodies, mass, strict=True)]
     return csr_matrix(block_diag(scaled, format="csr"))
 

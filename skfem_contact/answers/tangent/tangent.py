@@ -446,16 +446,15 @@ def refuse(answer: Answer) -> None:
         'contact slides far (sliding="finite"): how its pairing changes is not differentiated. Where '
         'slips are short, sliding="small" has derivatives': model.geometry.follows,
         "surfaces wear: the depth worn off is not differentiated. Leave wear out of the contact": wears,
-        "its load step was cut into {answer.parts} parts, whose states are not kept. Give the history "
-        "smaller steps": answer.parts > 1,
+        "its load step was cut into {answer.parts} parts. Give the history smaller steps": answer.parts
+        > 1,
         "conditions of its points depend on each other, so that forces are not unique. Let contacts "
         "share no edge, and make a held tool no finer than what it presses": answer.springs,
         "a body may stand elsewhere as well. Prescribe a DOF (D=...)": bool(answer.indifferent),
         "a material has internal variables, which are not differentiated": any(remembers),
         "the law {bare} has no slopes of its own, and difference quotients leave six digits. Give it "
         "slope(...), the derivative of its limit by the normal force, or a return_map(...)": bool(bare),
-        "the contact problem has no matrix on this route ({model.route}). Make the solver with "
-        'linear="condensed"': model.for_tangents is None,
+        "this route ({model.route}) has no matrix. Take linear='condensed'": model.for_tangents is None,
     }
     for words, wrong in reasons.items():
         if wrong:  # words are put together where they are needed: a history asks at every step
