@@ -895,7 +895,6 @@ def test_wrong_questions_are_refused():
         "several values are for solver.jacobian": lambda: solver.gradient(
             lambda r: (r[0].force, [None]), [STEP], by="gap"
         ),
-        r"of one, \[value\]": lambda: solver.jacobian(lambda r: (1.0, [None]), [STEP], by="gap"),
         "after is by": lambda: result.sensitivity("gap", after=result.sensitivity("friction")),
         r"has shape \(3,\), not \(5,\)": lambda: result.sensitivity("gap").dot({"gap": np.ones(3)}),
         "named 'heat'": lambda: result.sensitivity("gap").dot({"heat": 1.0}),
@@ -915,16 +914,16 @@ def test_wrong_questions_are_refused():
             ask()
     twins = [pressed(friction=sc.Coulomb(mu)) for mu in (0.2, 0.25, 0.4)]
     scenes = [sc.answers.Parameter("scene", between=(twins[0], other, 0.1)) for other in twins[1:]]
-    with pytest.raises(sc.errors.InputError, match="which is another parameter"):
+    with pytest.raises(sc.errors.InputError, match="by the same parameter"):
         result.sensitivity(scenes[0], after=result.sensitivity(scenes[1]))
     with pytest.raises(AttributeError, match="did you mean 'pressure'"):
         result.sensitivity("gap").presure  # noqa: B018
     smooth = pressed().solve(x={"block": {"top": (0.0, -0.01)}})
-    with pytest.raises(sc.errors.InputError, match="no contact has friction"):
+    with pytest.raises(sc.errors.InputError, match="no such contact with friction; there are none"):
         smooth.sensitivity("friction")
     with pytest.raises(sc.errors.InputError, match="'foot' has no friction"):
         smooth.sensitivity(sc.answers.Parameter("friction", of="foot"))
-    with pytest.raises(sc.errors.InputError, match="without friction nothing tangential"):
+    with pytest.raises(sc.errors.InputError, match="without friction it is no unknown"):
         smooth.sensitivity("gap").slip  # noqa: B018
 
 

@@ -301,14 +301,14 @@ def _places(by: Parameter, answer: Answer) -> Places:
         meant = [of in (None, *own) for own in zip(names, bolts.bolts if bolts else (), strict=True)]
         places = [(0, [i]) for i in range(len(names))]
     else:
-        what, names, number = "contact", [*answer.names], number_of(of, contacts)
-        tools = [c.primary.name if c.rigid else None for c in contacts]  # surfaces of bodies are none
+        number, tools = number_of(of, contacts), [c.primary.name if c.rigid else None for c in contacts]
         able = [bool(c.rigid if motion else c.friction or by.kind != "friction") for c in contacts]
-        known = zip(names, tools, strict=True)
+        known = zip(answer.names, tools, strict=True)
         named = [of in own[: 1 + motion] or i == number for i, own in enumerate(known)]
         both = zip(named, able, strict=True)
         meant = able if of is None else [a and (b or not motion) for a, b in both]
-        what, names = ("obstacle", [own for own in tools if own]) if motion else (what, names)
+        what = "obstacle" if motion else "contact with friction" if by.kind == "friction" else "contact"
+        names = [str(own) for own in np.array(tools if motion else answer.names)[able]]
     if not any(meant):
         there = ", ".join(map(repr, names)) or "none"
         raise InputError(f"{by!r}: there is no such {what}; there are {there}.")
