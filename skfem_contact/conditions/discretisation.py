@@ -41,10 +41,15 @@ from skfem_contact.obstacles.obstacle import MotionLike, Obstacle
 from skfem_contact.pairing.corners import Names, corner_contacts
 from skfem_contact.pairing.dual import can_move, held_rows
 from skfem_contact.pairing.mortar import dual_mortar
-from skfem_contact.pairing.node import Pairing, at_control_points, gap_vectors, node_to_segment
+from skfem_contact.pairing.node import (
+    Pairing,
+    at_control_points,
+    gap_vectors,
+    node_to_segment,
+    poor_nodes,
+)
 from skfem_contact.pairing.projection import rim_points
 from skfem_contact.pairing.search import FACING
-from skfem_contact.pairing.segmentation import poor_nodes
 from skfem_contact.trees import Tree
 
 

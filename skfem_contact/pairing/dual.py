@@ -80,8 +80,9 @@ from skfem_contact.arrays import Array, Index, Mask, entries
 from skfem_contact.bodies.facet_kinds import FacetKind, positive_functions
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import GIVEN, SINGLE
+from skfem_contact.pairing.node import SHARE_KEPT
 from skfem_contact.pairing.search import FACING
-from skfem_contact.pairing.segmentation import SHARE_KEPT, Segmentation
+from skfem_contact.pairing.segmentation import Segmentation
 from skfem_contact.records import dataclass
 
 # The weights of a row are bounded by this times those of whole facets: the number at which two

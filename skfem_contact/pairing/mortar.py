@@ -71,9 +71,8 @@ from skfem_contact.pairing.dual import (
     slip_rows,
     without_multiplier,
 )
-from skfem_contact.pairing.node import Pairing, gap_vectors
+from skfem_contact.pairing.node import SHARE_KEPT, Pairing, gap_vectors
 from skfem_contact.pairing.segmentation import (
-    SHARE_KEPT,
     Moments,
     Segmentation,
     segment,

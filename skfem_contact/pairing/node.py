@@ -35,8 +35,9 @@ from skfem_contact.arrays import (
     sizes,
     tangents,
 )
+from skfem_contact.bodies.facet_kinds import FacetKind, positive_functions
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.digits import GIVEN
+from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError
 from skfem_contact.pairing.closest import LEAN, closest_facets, overhang, search_range
 from skfem_contact.pairing.projection import interpolated_normals
@@ -423,3 +424,35 @@ def control_weights(surface: ContactSurface, paired: Mask) -> csr_matrix:
     column = np.concatenate([np.arange(m), start, end])
     data = np.concatenate([own, np.full(2 * len(middle), -0.5)])
     return csr_matrix((data, (row, column)), shape=(m, m))
+
+
+# -- nodes with next to no area ---------------------------------------------------------------------
+
+# A multiplier of its own needs this share of the node's integral over the whole facet.
+SHARE_KEPT = 1 / 4
+
+
+def poor_nodes(surface: ContactSurface) -> Mask:
+    """Nodes of facets whose function has next to no integral there, shape (nf, k).
+
+    The end of a quadratic line on the axis of symmetry: its integral is zero if the line is straight,
+    else that of the curvature, and a force over it is off by the errors of the neighbours' forces.
+    """
+    return poor(surface, *positive_shares(surface.kind, surface.shares))
+
+
+def positive_shares(kind: FacetKind, shares: Array) -> tuple[Array, Array]:
+    """Integrals of the positive functions, and those on straight facets of the same area, (nf, k)."""
+    positive = positive_functions(kind)
+    return shares @ positive.T, np.outer(shares.sum(axis=1), positive @ kind.shares)
+
+
+def poor(surface: ContactSurface, whole: Array, plain: Array) -> Mask:
+    """Return where `whole` is zero; on the axis also where it is less than multipliers need."""
+    nothing, measure = whole <= COMPUTED * plain, surface.body.measure
+    if measure is None:
+        return np.asarray(nothing)
+    at = np.moveaxis(surface.measured_at[surface.facets], -1, 0)
+    weight = np.broadcast_to(measure(at), whole.shape)
+    on_axis = weight <= COMPUTED * weight.max(axis=1, keepdims=True)
+    return np.asarray(nothing | (on_axis & (whole < SHARE_KEPT * plain)))

@@ -41,8 +41,8 @@ from functools import cached_property
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask, cross, dot, runs, sizes, summed, unit
-from skfem_contact.bodies.facet_kinds import KINDS, FacetKind, area_elements, positive_functions
+from skfem_contact.arrays import Array, Index, cross, dot, runs, sizes, summed, unit
+from skfem_contact.bodies.facet_kinds import KINDS, FacetKind, area_elements
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, NEWTON_STEPS, SINGLE
 from skfem_contact.errors import InputError
@@ -63,15 +63,13 @@ from skfem_contact.pairing.clipping import (
     signed_areas,
 )
 from skfem_contact.pairing.closest import search_range
+from skfem_contact.pairing.node import poor, positive_shares
 from skfem_contact.pairing.search import FACING
 from skfem_contact.records import dataclass
 
 # Degrees of the quadrature: at least, in parts of curved facets, and by how much more than for
 # polynomials on faces that are neither parallelograms nor triangles.
 LEAST, CURVED, ROOTS = 5, 10, 7
-
-# A multiplier of its own needs this share of the node's integral over the whole facet.
-SHARE_KEPT = 1 / 4
 
 # Degree of heights, squares of coordinates; they are integrated with linear or bilinear functions.
 HEIGHTS = 2
@@ -438,31 +436,5 @@ def whole_shares(surface: ContactSurface) -> Array:
     area = sizes(area_elements(surface.points, surface.facets, kind, at)) * weight
     if measure is not None:
         area = area * measure(np.moveaxis(N @ surface.measured_at[surface.facets], -1, 0))
-    whole, plain = _positive_shares(kind, area @ N)
-    return np.asarray(np.where(_poor(surface, whole, plain), plain, whole))
-
-
-def poor_nodes(surface: ContactSurface) -> Mask:
-    """Nodes of facets whose function has next to no integral there, shape (nf, k).
-
-    The end of a quadratic line on the axis of symmetry: its integral is zero if the line is straight,
-    else that of the curvature, and a force over it is off by the errors of the neighbours' forces.
-    """
-    return _poor(surface, *_positive_shares(surface.kind, surface.shares))
-
-
-def _positive_shares(kind: FacetKind, shares: Array) -> tuple[Array, Array]:
-    """Integrals of the positive functions, and those on straight facets of the same area, (nf, k)."""
-    positive = positive_functions(kind)
-    return shares @ positive.T, np.outer(shares.sum(axis=1), positive @ kind.shares)
-
-
-def _poor(surface: ContactSurface, whole: Array, plain: Array) -> Mask:
-    """Return where `whole` is zero; on the axis also where it is less than multipliers need."""
-    poor, measure = whole <= COMPUTED * plain, surface.body.measure
-    if measure is None:
-        return np.asarray(poor)
-    at = np.moveaxis(surface.measured_at[surface.facets], -1, 0)
-    weight = np.broadcast_to(measure(at), whole.shape)
-    on_axis = weight <= COMPUTED * weight.max(axis=1, keepdims=True)
-    return np.asarray(poor | (on_axis & (whole < SHARE_KEPT * plain)))
+    whole, plain = positive_shares(kind, area @ N)
+    return np.asarray(np.where(poor(surface, whole, plain), plain, whole))

@@ -183,6 +183,8 @@ def towards(h):
 @pytest.mark.every_value
 @pytest.mark.parametrize("fine", ["secondary", "primary"])
 @pytest.mark.parametrize("kind", KINDS)
+# three nodes that press on a hundred turn the elements below them by more than their strain allows
+@pytest.mark.filterwarnings("ignore:.*arge displacements:skfem_contact.errors.ContactWarning")
 def test_X10_hundred_to_one(kind, fine):
     """A hundred facets on one: the uniform state is exact by mortar; forces are by node-to-segment."""
     one, many = np.array([0.0, 1.0]), np.linspace(0, 1, 101)

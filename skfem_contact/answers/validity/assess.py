@@ -132,9 +132,10 @@ class Watch:
         }
         self.may_lock = any(map(may_lock, solids.values()))  # whatever the answer is
         # modulus times volume, of the box of all nodes [force length]
-        boxes = {n: np.prod(np.ptp(solids[n].basis.mesh.p, axis=1)) for n in self.bounded}
-        known_moduli = {n: m for n in self.bounded if (m := solids[n].moduli) is not None}
-        self.firm = {n: float(boxes[n] * 2 * m.shear.mean()) for n, m in known_moduli.items()}
+        linear = [n for n in self.bounded if not solids[n].nonlinear]
+        boxes = {n: np.prod(np.ptp(solids[n].basis.mesh.p, axis=1)) for n in linear}
+        firm = {n: boxes[n] * 2 * m.shear.mean() for n in linear if (m := solids[n].moduli)}
+        self.firm = {n: float(own) for n, own in firm.items() if own > 0}
 
     def _known(self, b: int) -> Index:
         """DOFs of a body at its supports and contacts."""
