@@ -304,8 +304,6 @@ def on_own_pairing(by: Stepper, step: LoadStep, start: str) -> Attempt:
                 own = without_points(geometry.at(there, case, next_kin), lost)
                 mismatch = geometry.mismatch(problem.kin, own, attempt.local, by.barred)
             if mismatch <= limit:
-                if passed := _left_behind(by, attempt, lost, there):
-                    return replace(attempt, failure=passed)
                 return settled(by, attempt, own, mismatch)
         start, step = "warm", replace(step, known=attempt.state)
         problem = model.problem_on(next_kin, u)
@@ -316,24 +314,6 @@ def on_own_pairing(by: Stepper, step: LoadStep, start: str) -> Attempt:
     words += model.interface.point_words(point, next_kin.points[point])
     words += " meets another partner in every round"
     return replace(attempt, mismatch=mismatch, failure=words, culprit=point)
-
-
-def _left_behind(by: Stepper, attempt: Attempt, lost: Mask, there: Array) -> str:
-    """Say which contact is empty only because a round has thrown its points off; empty where none is.
-
-    One that has slid off the end has others beside it that press, or has come out of the other body.
-    """
-    if not lost.any():
-        return ""
-    geometry, interface = by.model.geometry, by.model.interface
-    kin = geometry.at(there, attempt.case, attempt.problem.kin)
-    within, closed = lost & kin.paired & (kin.gap0 < 0), attempt.local.status != OPEN
-    for name, part in zip(interface.names, interface.point_slices, strict=True):
-        if within[part].any() and not closed[part].any():
-            return (
-                f"on its way to this answer contact {name!r} has lost all points, which overlap there"
-            )
-    return ""
 
 
 def settled(by: Stepper, attempt: Attempt, own: Kinematics, mismatch: float) -> Attempt:

@@ -403,7 +403,9 @@ def test_a_refusal_on_the_edge():
 # What is wrong and known.
 #: 104: a disc of 16 straight facets between two plates is refused in one order, two steps later in the
 #: other.
-KNOWN: set[int] = {104}
+#: 78: a frictionless disc of 40 facets between two plates, which no force holds. On some processors a
+#: round of pairing throws it out, and the answer is empty, with a warning of the overlap.
+KNOWN: set[int] = {78, 104}
 
 
 @pytest.mark.slow
