@@ -217,21 +217,6 @@ class RigidMotions(ByFields):
 def rigid_motions(system: System, kin: Kinematics, stiffness: Sequence[csr_matrix]) -> RigidMotions:
     """Find the rigid motions that neither prescribed DOFs nor the stiffness resist."""
     blocks = []
-    for body, free in zip(system.bodies, free_modes(system, stiffness), strict=True):
-        if free.shape[1]:  # a tower by the width of its foot, a roller by its radius
-            own = system.slice(body)
-            felt = np.concatenate([B[:, own] @ free for B in (kin.B_n, kin.B_t)])
-            turn = np.linalg.svd(felt, full_matrices=len(felt) < free.shape[1])[2].T
-            free, most = free @ turn, member.largest(felt @ turn)
-            peak = member.largest(free)
-            free = free / np.where(most > SOLVED * peak, most, peak)
-        blocks.append(free)
-    return RigidMotions(block_diagonal(blocks), kin, system)
-
-
-def free_modes(system: System, stiffness: Sequence[csr_matrix]) -> list[Array]:
-    """The same of each body alone, (n_body, k): one by one as far as they are, of size one."""
-    blocks = []
     for i, (body, K) in enumerate(zip(system.bodies, stiffness, strict=True)):
         R = system.modes(i) / member.largest(system.modes(i))
         # prescribed DOFs and springs to the ground: rows that a free motion leaves at zero
@@ -240,9 +225,16 @@ def free_modes(system: System, stiffness: Sequence[csr_matrix]) -> list[Array]:
             springs = _resistance(K, R)
             left = null_space(np.concatenate([R[body.D], springs])) if len(springs) else left
         free = R @ left
-        peak = member.largest(free)
-        blocks.append(free / np.where(peak > 0, peak, 1.0))
-    return blocks
+        if free.shape[1]:  # a tower by the width of its foot, a roller by its radius
+            own = system.slice(body)
+            felt = np.concatenate([B[:, own] @ free for B in (kin.B_n, kin.B_t)])
+            free = free @ np.linalg.svd(felt, full_matrices=len(felt) < free.shape[1])[2].T
+            felt = np.concatenate([B[:, own] @ free for B in (kin.B_n, kin.B_t)])
+            peak, largest_felt = member.largest(free), member.largest(felt)
+            unfelt = largest_felt <= SOLVED * peak
+            free = free / np.where(unfelt, peak, largest_felt)
+        blocks.append(free)
+    return RigidMotions(block_diagonal(blocks), kin, system)
 
 
 def _resistance(K: csr_matrix, R: Array) -> Array:

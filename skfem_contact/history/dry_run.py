@@ -6,7 +6,6 @@ Then what is said while a history is solved: a bar, a line of the log, how far i
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -15,7 +14,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.validity.chords import straight_words
 from skfem_contact.answers.values import status_words
-from skfem_contact.arrays import Index, block_diagonal
+from skfem_contact.arrays import Index
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
@@ -24,7 +23,6 @@ from skfem_contact.conditions.friction import steep_words
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.motions import free_modes
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.dense_factors import written_bytes
@@ -130,8 +128,7 @@ def _free_words(solver: Solver) -> str:
     motions = solver.linear_model.motions
     if motions.k == 0:
         return "no rigid motion is free: supports alone hold all bodies"
-    modes = block_diagonal(free_modes(solver.system, solver.linear_model.stiffness))
-    words = [replace(motions, modes=modes).describe(column) for column in np.eye(motions.k)]
+    words = [motions.describe(column) for column in np.eye(motions.k)]
     listed = "; ".join(f"{' and '.join(bodies)}: {motion}" for bodies, motion in words)
     return f"free without contact and friction: {listed}"
 
