@@ -53,25 +53,6 @@ def test_a_motion_left_free_is_named():
     assert raised.value.bodies == ("punch",) and raised.value.motion == "translation along x"
 
 
-@pytest.mark.parametrize("heavy", [1.0, 1e3])
-def test_a_light_body_that_is_pushed_beside_a_heavy_one_is_named(heavy):
-    """Whether a load drives a motion is told by the loads on the bodies that move, not by others'."""
-    table = block("table", x=(-1.0, 2.0), y=(-1.0, 0.0), D="bottom")
-    outline = [(0, 0), (1, 0), (1, 1), (0, 1)]
-    light = sc.RigidBody(
-        sc.RigidPolyline(outline, closed=True), about=(0.5, 0.5), force=(1e-5, -1e-4), name="light"
-    )
-    stand = block("stand", x=(3.0, 4.0), y=(-1.0, 0.0), D="bottom")
-    weight = block("weight", x=(3.0, 4.0), force=(0.0, -heavy))
-    contacts = [
-        sc.Contact(table.surface("top"), light, sliding="finite", name="light"),
-        sc.Contact(weight.surface("bottom"), stand.surface("top"), friction=sc.Coulomb(0.3)),
-    ]
-    words = r"'light' .*: translation along x, .* no force at the contact .*up to 1e-05 along x"
-    with pytest.raises(sc.errors.NoEquilibrium, match=words):
-        sc.ContactSolver([table, light, stand, weight], contacts).solve()
-
-
 def test_bodies_free_together_are_named_together():
     """Two glued blocks that nothing holds move as one."""
     low, up = block("low"), block("up", y=(1.0, 2.0), force=(0.0, -1e-3))

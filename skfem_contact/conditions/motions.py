@@ -395,16 +395,9 @@ def load_on(motions: RigidMotions, f: Array) -> tuple[Array, float]:
 
 
 def drives(motions: RigidMotions, f: Array, free: Array, beyond: float = SOLVED) -> bool:
-    """Return whether a load does work on some of these motions (k, j), beyond a share of its parts.
-
-    Parts on the bodies that move: what others bear does not hold them.
-    """
-    moved, system = motions.modes @ free, motions.system
-    sizes = np.zeros(free.shape[1])
-    for body in system.bodies:
-        own = system.slice(body)
-        sizes += member.largest(moved[own]) * np.sum(np.abs(f[own]))
-    return bool(np.any(np.abs(moved.T @ f) > beyond * sizes))
+    """Return whether a load does work on some of these motions (k, j), beyond a share of its parts."""
+    Q, size = load_on(motions, f)
+    return bool(np.max(np.abs(free.T @ Q), initial=0.0) > beyond * size)
 
 
 def escape(motions: RigidMotions, interface: Interface, paired: Mask, f: Array) -> Array | None:

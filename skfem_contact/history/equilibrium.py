@@ -320,10 +320,12 @@ class EquilibriumSearch:
         carries = _carries(self.advance)
         if free is None and self.refuted is not None:
             motions, free = model.motions, self._sliding(self.refuted)[:, None]
-        f = attempt.case.f
+        interface, kin, f = model.interface, attempt.problem.kin, attempt.case.f
         if free is not None:
-            return Verdict(free, motions, f=f, shown=self._shown(motions, f), carries=carries)
-        interface, kin = model.interface, attempt.problem.kin
+            shown = SHOWN if self.refuted is not None else ""
+            if model.geometry.changing.any() and escape(motions, interface, kin.paired, f) is not None:
+                shown = SHOWN_HERE
+            return Verdict(free, motions, f=f, shown=shown, carries=carries)
         named = attempt if attempt.culprit >= 0 else self.advance.unsettled or attempt
         if at_corners(named):
             return Verdict(advice=("" if named is attempt else FIRST.format(named.failure)) + CORNERS)
@@ -336,15 +338,6 @@ class EquilibriumSearch:
         if not (interface.laws or attempt.at_limit or model.geometry.follows):
             return Verdict(advice=SMOOTH)
         return Verdict(carries=carries, advice=TOO_MUCH if attempt.at_limit else USUALLY)
-
-    def _shown(self, motions: RigidMotions, f: Array) -> str:
-        """What statics shows of a load (n,), in words; nothing where forces could balance it."""
-        model, paired = self.stepper.model, motions.kin.paired
-        if self.refuted is not None:
-            return SHOWN
-        if escape(motions, model.interface, paired, f) is None:
-            return ""
-        return SHOWN_HERE if model.geometry.follows else SHOWN
 
     def _sliding(self, motion: Array) -> Array:
         """The part of a motion (k,) that closed points do not hold; all of it, where it opens them.
@@ -390,8 +383,7 @@ class EquilibriumSearch:
             rest = None
         if rest is None:
             free = free if free.shape[1] else np.eye(motions.k)
-            f = self.step.target.f
-            return Verdict(free, motions, f=f, shown=self._shown(motions, f), reached=False)
+            return Verdict(free, motions, f=self.step.target.f, reached=False)
         if rest.pull:
             return Verdict(rest.free, motions, pull=rest.pull, reached=False)
         self.advance = rest.advance
