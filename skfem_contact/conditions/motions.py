@@ -84,8 +84,7 @@ class RigidMotions(ByFields):
     Attributes
     ----------
     modes : ndarray, shape (n, k)
-        Displacements; of each mode the largest gap or slip at the contact points is one, or the
-        largest displacement where they do not feel it.
+        Displacements, each mode with largest displacement one; of a rigid body that of its contacts.
     kin : Kinematics
         The contact points.
     system : System
@@ -225,15 +224,12 @@ def rigid_motions(system: System, kin: Kinematics, stiffness: Sequence[csr_matri
             springs = _resistance(K, R)
             left = null_space(np.concatenate([R[body.D], springs])) if len(springs) else left
         free = R @ left
-        if free.shape[1]:  # a tower by the width of its foot, a roller by its radius
+        peak = member.largest(free)
+        if len(body.rotations):  # a small roller among large bodies: what its contact points move by
             own = system.slice(body)
-            felt = np.concatenate([B[:, own] @ free for B in (kin.B_n, kin.B_t)])
-            free = free @ np.linalg.svd(felt, full_matrices=len(felt) < free.shape[1])[2].T
-            felt = np.concatenate([B[:, own] @ free for B in (kin.B_n, kin.B_t)])
-            peak, largest_felt = member.largest(free), member.largest(felt)
-            unfelt = largest_felt <= SOLVED * peak
-            free = free / np.where(unfelt, peak, largest_felt)
-        blocks.append(free)
+            felt = member.largest(np.concatenate([B[:, own] @ free for B in (kin.B_n, kin.B_t)]))
+            peak = np.where(felt > 0, felt, peak)
+        blocks.append(free / np.where(peak > 0, peak, 1.0))
     return RigidMotions(block_diagonal(blocks), kin, system)
 
 
@@ -284,8 +280,7 @@ def no_equilibrium(
     """
     moves = free[:, 0]
     if f is not None:
-        moved = motions.modes @ free
-        driven = free @ np.linalg.solve(moved.T @ moved, moved.T @ f)
+        driven = free @ (free.T @ (motions.modes.T @ f))
         moves = driven if driven.any() else moves
     bodies, motion = motions.describe(moves)
     names = " and ".join(f"'{name}'" for name in bodies)

@@ -627,7 +627,7 @@ def test_a_smooth_disc_that_may_turn_in_itself_is_no_matter_of_a_warning():
     block = slab()
     die = sc.RigidBody(disc(), force=(0, -0.01))
     result = solver_of([block, die], [sc.Contact(block.surface("top"), die)]).solve()
-    assert result.indifferent == () and abs(result.motion("die")[1]) < 1e-15
+    assert result.indifferent == () and result.motion("die")[1] == 0.0
 
 
 def test_turns_are_small_with_small_sliding_and_any_with_finite():
@@ -819,21 +819,6 @@ def test_a_light_roller_beside_large_bodies_under_large_forces(led):
         assert_allclose(both["rolling"].forces, one.forces, rtol=0, atol=1e-3 * one.forces.max())
     lost = [sum(values.dissipation for values in rs) for rs in (alone, [r["rolling"] for r in beside])]
     assert lost[1] == pytest.approx(lost[0], rel=1e-3)
-
-
-@pytest.mark.parametrize("sliding", ["small", "finite"])
-def test_a_high_tower_stands_on_its_narrow_foot(sliding):
-    """It is held by the width of its foot, however high it is; pushed too, to statics."""
-    high, push = 120.0, 0.001
-    base = slab(-1.5, 1.5, n=16, E=1e5)
-    outline = sc.RigidPolyline([(-0.5, 0), (0.5, 0), (0.5, high), (-0.5, high)], closed=True)
-    tower = sc.RigidBody(outline, about=(0, high), force=(0, -10), name="tower")
-    contact = sc.Contact(base.surface("top"), tower, friction=sc.Coulomb(0.5), sliding=sliding)
-    steps = [1.0, {"f": {"tower": {"x": push}}}]
-    stands, pushed = solver_of([base, tower], [contact]).history(steps)
-    assert stands.indifferent == pushed.indifferent == ()
-    assert_allclose(pushed.force, [push, -10], rtol=1e-6)
-    assert pushed.moment((0, 0)) == pytest.approx(-push * high, rel=1e-4)
 
 
 def test_a_lock_holds_from_where_it_finds_the_body():
