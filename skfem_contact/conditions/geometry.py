@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix, diags, identity, kron
 
-from skfem_contact.arrays import Array, Index, Mask, largest, lengths
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.checks import (
@@ -275,7 +275,7 @@ class Geometry:
         """Measure how far the contact conditions on a pairing are from those at its own answer.
 
         The largest of the gaps of closed points and the overlaps of open ones, over the extent of
-        their bodies, and the change of the distribution of a contact's forces over the largest of them.
+        the bodies, and the change of the contact forces' distribution over the largest of them.
         Points that are left out may overlap.
         """
         closed = (state.status != OPEN) & self.finite
@@ -288,31 +288,14 @@ class Geometry:
         if judged.any():
             judged &= ~prescribed_rows(new.B_n, self.system.D)
         gap = np.where(judged, _wrong_gaps(new, closed), 0.0)
-        scale = self._scale(state)
-        normal = state.normal_force / scale
+        normal = state.normal_force
         change = self._on_surfaces(new.B_n, normal) - self._on_surfaces(old.B_n, normal)
         if state.tangential_force.any():
-            before, after = _along_both(old, new, state.tangential_force / scale[:, None])
+            before, after = _along_both(old, new, state.tangential_force)
             change -= self._on_surfaces(new.B_t, after) - self._on_surfaces(old.B_t, before)
-        moved = np.max(np.abs(change), initial=0.0)
-        return float(np.maximum(np.max(gap / self._extents, initial=0.0), moved))
-
-    @cached_property
-    def _extents(self) -> Array:
-        """Of the larger body of the contact of each point, (m,) [length]."""
-        own = []
-        for contact in self.contacts:
-            sides = (contact.secondary, contact.primary)
-            bodies = [side.body for side in sides if isinstance(side, ContactSurface)]
-            own.append(max(float(np.ptp(body.basis.mesh.p, axis=1).max()) for body in bodies))
-        return np.repeat(own, [part.stop - part.start for part in self.point_slices])
-
-    def _scale(self, state: LocalState) -> Array:
-        """Largest force in the contact of each point, if more than round-off of others, (m,)."""
-        force = np.maximum(np.abs(state.normal_force), lengths(state.tangential_force))
-        least = max(GIVEN * largest(force), np.finfo(float).tiny)
-        own = [max(largest(force[part]), least) for part in self.point_slices]
-        return np.repeat(own, [part.stop - part.start for part in self.point_slices])
+        scale = np.max(np.abs(state.normal_force), initial=0.0)
+        moved = np.max(np.abs(change), initial=0.0) / scale if scale > 0 else 0.0
+        return float(np.maximum(np.max(gap, initial=0.0) / self.system.extent, moved))
 
     def stretched(self, old: Kinematics, new: Kinematics, state: LocalState) -> Array:
         """Change of areas that bodies of finite strain bear forces on, by the largest force, (m,)."""
@@ -338,9 +321,10 @@ class Geometry:
     def least_settled(self, old: Kinematics, new: Kinematics, state: LocalState) -> int:
         """The point that makes most of the `mismatch`: by its gap, or by where its force goes."""
         closed = state.status != OPEN
-        wrong = _wrong_gaps(new, closed) / self._extents
+        wrong = _wrong_gaps(new, closed) / self.system.extent
         wrong = np.where(self.finite & new.paired & old.paired, wrong, 0.0)
-        scale = self._scale(state)
+        forces = np.column_stack([state.normal_force, state.tangential_force])
+        scale = np.max(np.abs(forces), initial=np.finfo(float).tiny)
         moved = _largest(diags(state.normal_force) @ (new.B_n - old.B_n))
         if state.tangential_force.any():  # without friction nobody has made these rows
             before, after = _along_both(old, new, state.tangential_force)

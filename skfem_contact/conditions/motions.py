@@ -84,7 +84,7 @@ class RigidMotions(ByFields):
     Attributes
     ----------
     modes : ndarray, shape (n, k)
-        Displacements, each mode with largest displacement one; of a rigid body that of its contacts.
+        Displacements, each mode with largest displacement one.
     kin : Kinematics
         The contact points.
     system : System
@@ -225,10 +225,6 @@ def rigid_motions(system: System, kin: Kinematics, stiffness: Sequence[csr_matri
             left = null_space(np.concatenate([R[body.D], springs])) if len(springs) else left
         free = R @ left
         peak = member.largest(free)
-        if len(body.rotations):  # a small roller among large bodies: what its contact points move by
-            own = system.slice(body)
-            felt = member.largest(np.concatenate([B[:, own] @ free for B in (kin.B_n, kin.B_t)]))
-            peak = np.where(felt > 0, felt, peak)
         blocks.append(free / np.where(peak > 0, peak, 1.0))
     return RigidMotions(block_diagonal(blocks), kin, system)
 

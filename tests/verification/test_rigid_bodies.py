@@ -796,31 +796,6 @@ def test_a_ball_that_has_turned_rolls_about_another_axis(turn):
     assert_allclose(second @ first.T, rotation_matrix(np.array([-way / R, 0, 0])), rtol=0, atol=0.005)
 
 
-@pytest.mark.parametrize("led", ["x", "rotation"])
-def test_a_light_roller_beside_large_bodies_under_large_forces(led):
-    """What rolls is the same where other bodies, a hundred times as large, carry far more force."""
-    strip = slab(0.0, 1.0, -0.4, 0.0, n=60, D="bottom")
-    shape = sc.RigidCylinder((0.3, 0.5), 0.5)
-    roller = sc.RigidBody(shape, D=led, force=(0, -0.012), K=[1e-5, 0, 0], name="roller")
-    friction = sc.Coulomb(0.3)
-    rolling = sc.Contact(
-        strip.surface("top"), roller, friction=friction, sliding="finite", name="rolling"
-    )
-    low = slab(200.0, 300.0, -100.0, 0.0, n=8 / 100, E=1e3, name="low")
-    load = {"top": (0, -10.0)}
-    high = slab(200.0, 300.0, 0.0, 100.0, n=8 / 100, E=1e3, D={"left": "x"}, f=load, name="high")
-    pressed = sc.Contact(high.surface("bottom"), low.surface("top"), name="pressed")
-    ways = {"x": (0, 0.05, 0.1), "rotation": (0, -0.4, -0.8)}
-    steps = [{"x": {"roller": {led: way}}} for way in ways[led]]
-    alone = list(solver_of([strip, roller], [rolling]).history(steps))
-    beside = list(solver_of([strip, roller, low, high], [rolling, pressed]).history(steps))
-    for one, both in zip(alone, beside, strict=True):
-        assert_allclose(both.displacement("roller"), one.displacement("roller"), rtol=0, atol=1e-5)
-        assert_allclose(both["rolling"].forces, one.forces, rtol=0, atol=1e-3 * one.forces.max())
-    lost = [sum(values.dissipation for values in rs) for rs in (alone, [r["rolling"] for r in beside])]
-    assert lost[1] == pytest.approx(lost[0], rel=1e-3)
-
-
 def test_a_lock_holds_from_where_it_finds_the_body():
     """A wheel that has rolled is locked by a second solver and drawn on: in parts of a step, too.
 
