@@ -102,7 +102,7 @@ def test_a_body_that_slides_off_along_an_outline_is_refused_in_time():
     Without an end to how easy, it takes twice as many iterations: 2 651 of 5 276.
     """
     flat = sc.RigidPolyline(np.array([[9.0, 0.0], [-9.0, 0.0]]), name="floor")
-    with pytest.raises(sc.errors.NoEquilibrium, match="no force at the contact.*not shown") as raised:
+    with pytest.raises(sc.errors.NoEquilibrium, match=r"no force at the contact.*not shown") as raised:
         pushed(flat, 0.5).solve()
     assert raised.value.result.iterations < 3000
 
