@@ -353,8 +353,10 @@ class LoadCase(ByFields):
 
     def multiple(self, i: int, of_x: bool) -> float:
         """By which number the step multiplies the own f, or x, of a body."""
-        named = 1.0 if self.multiples is None else float(self.multiples[int(of_x), i])
-        return named if self.scale[of_x] is None else float(self.scale[of_x] or 0.0)
+        scale = self.scale[of_x]
+        if scale is not None:
+            return scale
+        return 1.0 if self.multiples is None else float(self.multiples[int(of_x), i])
 
     @property
     def applied(self) -> Array:

@@ -72,12 +72,7 @@ from skfem_contact.pairing.dual import (
     without_multiplier,
 )
 from skfem_contact.pairing.node import SHARE_KEPT, Pairing, gap_vectors
-from skfem_contact.pairing.segmentation import (
-    Moments,
-    Segmentation,
-    segment,
-    whole_shares,
-)
+from skfem_contact.pairing.segmentation import Moments, Segmentation, segment, whole_shares
 from skfem_contact.pairing.smooth import (
     TINY,
     Bulges,

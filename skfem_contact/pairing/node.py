@@ -46,6 +46,9 @@ from skfem_contact.pairing.smooth import bulged_nodes
 from skfem_contact.records import dataclass
 from skfem_contact.trees import ODD
 
+# A multiplier of its own needs this share of the node's integral over the whole facet.
+SHARE_KEPT = 1 / 4
+
 
 @dataclass(frozen=True, eq=False)
 class Pairing:
@@ -427,9 +430,6 @@ def control_weights(surface: ContactSurface, paired: Mask) -> csr_matrix:
 
 
 # -- nodes with next to no area ---------------------------------------------------------------------
-
-# A multiplier of its own needs this share of the node's integral over the whole facet.
-SHARE_KEPT = 1 / 4
 
 
 def poor_nodes(surface: ContactSurface) -> Mask:

@@ -149,8 +149,9 @@ def sensitivity(tangent: Tangent, by: Any, after: Sensitivity | None, side: int)
 
 def _same(one: Parameter, other: Parameter) -> bool:
     """Whether two parameters are one: what is printed of them leaves scenes and long arrays out."""
-    along = [own.along.toarray() if issparse(own.along) else own.along for own in (one, other)]
-    return (repr(one), one.between) == (repr(other), other.between) and np.array_equal(*along)
+    a, b, same = one.along, other.along, (repr(one), one.between) == (repr(other), other.between)
+    # matrices stay sparse: what is printed has their shape
+    return same and (not (a != b).nnz if issparse(a) else np.array_equal(a, b))
 
 
 # -- histories ------------------------------------------------------------------------------------
@@ -235,8 +236,7 @@ class Jacobian(NamesAttributes):
         """Say what the values do not tell, in words; empty where they tell every parameter."""
         told = np.any(self.matrix != 0, axis=0)
         slips = any(np.any(values.status == 2) for result in self.results for values in result)
-        untold = [by for by, on in zip(self.by, told, strict=True) if not on]
-        said = [f"The values do not depend on {by!r}." for by in untold]
+        said = [f"The values do not depend on {self.by[i]!r}." for i in np.flatnonzero(~told)]
         if not slips and any(by.kind == "friction" for by in self.by):
             said.append("No point slips in this history.")
         if alike := int(told.sum()) - self.rank:

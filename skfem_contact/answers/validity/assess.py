@@ -412,8 +412,8 @@ class Assessment:
             found["strain"] = strain_words(name, strain, self.solids[name].nonlinear)
         if rotation > max(A_TENTH, strain):
             found["rotation"] = rotation_words(name, rotation)
-        leaning = self.result.diagnostics.leaning.get(name, 0.0)
-        if not found and self.displaced(name) > max(A_TENTH, leaning):
+        told = self.result.diagnostics.leaning.get(name, 0.0)
+        if not found and self.displaced(name) > max(A_TENTH, told):
             found["displacement"] = displacement_words(name, self.displaced(name))
         if name in self.lockable:
             words = locking_words(name, self.solids[name], locked(self.result, name))

@@ -275,10 +275,11 @@ def displaced_far(result: Answer, name: str, strain: float, rotation: float) -> 
     if abs(energy / float(u @ (K @ u)) - 1.0) > A_TENTH:
         return np.nan
     with Workspace() as work, single_threaded:
-        own = result.model.kin is result.kin
-        problem = work.borrowed(result.model.problem_on(None if own else result.kin, None))
-        d = _moved(result, problem, body, -second(u))[0]
-        left = second(u) + 0.5 * (second(u + d) - second(u - d)) + third(u)
+        kin = None if result.model.kin is result.kin else result.kin
+        problem = work.borrowed(result.model.problem_on(kin, None))
+        own = second(u)
+        d = _moved(result, problem, body, -own)[0]
+        left = own + 0.5 * (second(u + d) - second(u - d)) + third(u)
         moved, change = _moved(result, problem, body, -left)
     forces = result.local.normal_force
     summed = [(change[part].sum(), forces[part].sum()) for part in result.slices()]
