@@ -293,12 +293,14 @@ class Watch:
     def _bends(self, name: str, approach: float, work: float) -> bool:
         """Whether a body seems to turn in itself by more than its strain allows, see `displaced_far`.
 
-        As a beam on three points does by its mean strain; `work` is that of its contact forces.
+        As a beam on three points does, by what its mean strain leaves of the approach: a block that is
+        compressed does not bend. `work` is that of its contact forces.
         """
         if not (work > 0 and name in self.firm):
             return False
-        turn = 2 * approach / self.supports[self.system.names.index(name)].arm
-        return turn**2 > A_TENTH * float(np.sqrt(work / self.firm[name]))
+        strain = float(np.sqrt(work / self.firm[name]))
+        arm = self.supports[self.system.names.index(name)].arm
+        return (2 * max(approach / arm - strain, 0.0)) ** 2 > A_TENTH * strain
 
 
 def _look(what: str, name: str, approach: float, issued: Issued) -> Issued:
