@@ -27,12 +27,18 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """What the default run leaves to the slow one, besides what is marked in the files themselves."""
     _leave(items, "pairwise", pairwise)
     found = {item.nodeid: item for item in items}
+    # files of which all tests are here: no test was named, and the file is not ignored
+    whole = set() if config.option.file_or_dir else {_file(name) for name in found}
     for name in SLOW:
         if name in found:
             found[name].add_marker(pytest.mark.slow)
-        elif not config.option.file_or_dir:  # all tests are here
+        elif _file(name) in whole or not (HERE.parent / _file(name)).exists():
             raise pytest.UsageError(f"tests/slow.txt names {name}, which does not exist")
     _leave(items, "every_value", every_value)
+
+
+def _file(name: str) -> str:
+    return name.partition("::")[0]
 
 
 def _leave(
