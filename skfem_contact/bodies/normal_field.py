@@ -464,14 +464,9 @@ def twin_edges(corners: Index) -> Index:
 
 def _occurrence(values: Index) -> Index:
     """Count how often each value has appeared before: [7, 3, 7] gives [0, 0, 1]."""
-    occurrence = np.zeros(len(values), dtype=np.intp)
-    order = np.argsort(values, kind="stable")
+    occurrence, order = np.empty(len(values), dtype=np.intp), np.argsort(values, kind="stable")
     ordered = values[order]
-    again = ordered[1:] == ordered[:-1]
-    if again.any():
-        position = np.arange(len(values))
-        first = np.where(np.concatenate([[True], ~again]), position, 0)
-        occurrence[order] = position - np.maximum.accumulate(first)
+    occurrence[order] = np.arange(len(values)) - np.searchsorted(ordered, ordered)
     return occurrence
 
 
