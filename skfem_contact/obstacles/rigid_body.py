@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix, issparse, sparray, spmatrix
 from skfem_contact.arguments import (
     check_kind,
     check_name,
+    finite,
     number,
     numbers,
     shown,
@@ -362,11 +363,3 @@ def vector_of(value: Any, size: int, what: str) -> np.ndarray:
     if value is None:
         return np.zeros(size)
     return finite(value, (size,), what, f"{size} finite numbers")
-
-
-def finite(value: Any, sizes: tuple[int, ...], what: str, wanted: str) -> np.ndarray:
-    """A vector of one of these sizes, of finite numbers."""
-    array = numbers(value, what, f"give {wanted}")
-    if array.ndim != 1 or len(array) not in sizes or not np.isfinite(array).all():
-        raise InputError(f"{what} is {shown(value)}; give {wanted}")
-    return array

@@ -71,8 +71,8 @@ from skfem_contact.pairing.dual import (
     slip_rows,
     without_multiplier,
 )
-from skfem_contact.pairing.node import SHARE_KEPT, Pairing, gap_vectors
-from skfem_contact.pairing.segmentation import Moments, Segmentation, segment, whole_shares
+from skfem_contact.pairing.node import SHARE_KEPT, Pairing, gap_vectors, whole_shares
+from skfem_contact.pairing.segmentation import Moments, Segmentation, segment
 from skfem_contact.pairing.smooth import (
     TINY,
     Bulges,
