@@ -134,7 +134,9 @@ class RigidBody(Member, Obstacle):
         if isinstance(obstacle, RigidBody):
             raise InputError(f"obstacle of a RigidBody is {obstacle!r}; {usage}")
         name = name or obstacle.name
-        self._set(obstacle=obstacle, name=name, about=about_of(about, obstacle, self._whose(name)))
+        vars(self).update(
+            obstacle=obstacle, name=name, about=about_of(about, obstacle, self._whose(name))
+        )
         whose = self._whose(name)
         load = np.zeros(self.n)
         load[: self.dim] = vector_of(force, self.dim, f"force of {whose}")
@@ -142,18 +144,14 @@ class RigidBody(Member, Obstacle):
         if moment is not None:
             given = moment if turns > 1 else [number(moment, f"moment of {whose}", "give one number")]
             load[self.dim :] = vector_of(given, turns, f"moment of {whose}")
-        self._set(
+        vars(self).update(
             f=load,
             D=held_dofs(D, self.directions, f"D of {whose}"),
             K=self.stiffness(K, f"K of {whose}"),
             mass=None if mass is None else definite(mass, self.n, f"mass of {whose}"),
         )
-        self._set(x=self._prescribed(x, f"x of {whose}"))
+        vars(self).update(x=self._prescribed(x, f"x of {whose}"))
         seal(self)
-
-    def _set(self, **values: Any) -> None:
-        for key, value in values.items():
-            object.__setattr__(self, key, value)
 
     def __setstate__(self, known: dict[str, Any]) -> None:
         vars(self).update(known)
