@@ -38,7 +38,7 @@ from skfem_contact.bodies.inputs import (
     several,
     stiffness_of,
 )
-from skfem_contact.bodies.member import Linearized, Meshed, State, motion_names, rigid_modes
+from skfem_contact.bodies.member import Meshed, State, motion_names, rigid_modes
 from skfem_contact.bodies.selection import displacements, pieces, tractions
 from skfem_contact.bodies.surface import ContactSurface, extract_surface
 from skfem_contact.errors import InputError, warn
@@ -261,10 +261,6 @@ class Body(Meshed):
         if self._mass is None:
             return None
         return mass_of(self._mass, self.basis, self.measure, f"body {self.name or 'without name'!r}")
-
-    def linearize(self, u: Array | None = None, state: State | None = None) -> Linearized:
-        """The stiffness, and the internal forces ``K u``, see `Member`."""
-        return Linearized(self.K, np.zeros(self.n) if u is None else self.K @ u, {})
 
     def stress(self, u: Array, state: State | None = None) -> Array:
         """Stress (3, 3, e, q) of a body with a material, at points of integration [stress].

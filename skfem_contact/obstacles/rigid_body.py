@@ -21,7 +21,7 @@ from skfem_contact.arguments import (
 )
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.inputs import csr32
-from skfem_contact.bodies.member import Linearized, Member, State, motion_names
+from skfem_contact.bodies.member import Member, motion_names
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
@@ -237,10 +237,6 @@ class RigidBody(Member, Obstacle):
         """The motions in words."""
         return motion_names(self.dim, self.components)
 
-    def linearize(self, u: Array | None = None, state: State | None = None) -> Linearized:
-        """Its springs and their forces, see `Member`."""
-        return Linearized(self.K, np.zeros(self.n) if u is None else self.K @ u, {})
-
     def stiffness(self, K: Any, what: str) -> csr_matrix:
         """Springs (n, n) that a user means: a stiffness for every DOF, a matrix, or none."""
         return definite(np.zeros(self.n) if K is None else K, self.n, what)
@@ -347,10 +343,8 @@ def about_of(about: Any, obstacle: Obstacle, whose: str) -> np.ndarray:
             f"{whose} needs the point that its force acts at and its rotation is counted about: "
             f"{obstacle.label!r} has no centre of its own, give about=(...)"
         )
-    point, own = (
-        finite(about, (2, 3), f"about of {whose}", "2 or 3 finite coordinates"),
-        obstacle.reference,
-    )
+    point = finite(about, (2, 3), f"about of {whose}", "2 or 3 finite coordinates")
+    own = obstacle.reference
     if own is not None and len(own) != len(point):
         raise InputError(f"about of {whose} is {shown(about)}, but its obstacle is {len(own)}-D")
     return sealed(point)
