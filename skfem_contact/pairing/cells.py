@@ -31,7 +31,7 @@ from skfem_contact.arrays import Array, Index, Mask, across, cross, dot, ragged,
 from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, NEWTON_STEPS, SOLVED
-from skfem_contact.pairing.clipping import plane_cross, signed_areas
+from skfem_contact.pairing.clipping import signed_areas
 from skfem_contact.pairing.search import FACING, MARGIN, FacetTree, Nodes
 from skfem_contact.records import dataclass
 
@@ -292,26 +292,34 @@ def local_coordinates(corners: Array, points: Array) -> Array:
     >>> local_coordinates(corners, np.array([1.25, 0.75])).tolist()
     [0.5, 0.5]
     """
-    first = corners[..., 0, :]
-    r, a, b = points - first, corners[..., 1, :] - first, corners[..., -1, :] - first
     if corners.shape[-2] == 2:
-        return np.asarray(r / a)
+        first = corners[..., 0, :]
+        return np.asarray((points - first) / (corners[..., 1, :] - first))
+    x, y = np.moveaxis(corners, -1, 0)
+    r = points[..., 0] - x[..., 0], points[..., 1] - y[..., 0]
+    a = x[..., 1] - x[..., 0], y[..., 1] - y[..., 0]
+    b = x[..., -1] - x[..., 0], y[..., -1] - y[..., 0]
+
+    def cross(v: tuple[Array, Array], w: tuple[Array, Array]) -> Array:
+        return v[0] * w[1] - v[1] * w[0]
+
     if corners.shape[-2] == 3:
-        return np.stack([plane_cross(r, b), plane_cross(a, r)], axis=-1) / plane_cross(a, b)[..., None]
-    d = corners[..., 2, :] - corners[..., 1, :] - b
+        area = cross(a, b)
+        return np.stack([cross(r, b) / area, cross(a, r) / area], axis=-1)
+    d = x[..., 2] - x[..., 1] - b[0], y[..., 2] - y[..., 1] - b[1]
     # r = s a + t b + s t d: with r - t b along a + t d, a quadratic equation for t. Of its roots
     # the one where the area element, its slope, has the sign of the face's
-    turned = plane_cross(a, b) + 0.5 * (plane_cross(a, d) + plane_cross(d, b)) < 0
-    constant, square = plane_cross(r, a), -plane_cross(b, d)
-    linear, turn = plane_cross(r, d) + plane_cross(a, b), np.where(turned, -1.0, 1.0)
+    constant, linear, square = cross(r, a), cross(r, d) + cross(a, b), -cross(b, d)
+    turn = np.where(cross(a, b) + 0.5 * (cross(a, d) + cross(d, b)) < 0, -1.0, 1.0)
     root = turn * np.sqrt(np.maximum(linear**2 - 4 * square * constant, 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         t = -2 * constant / (linear + root)
         other = turn * linear < 0
         if other.any():
             t = np.where(other, (root - linear) / (2 * square), t)
-    ahead = a + t[..., None] * d
-    return np.stack([dot(r - t[..., None] * b, ahead) / dot(ahead, ahead), t], axis=-1)
+    ahead = a[0] + t * d[0], a[1] + t * d[1]
+    over = (r[0] - t * b[0]) * ahead[0] + (r[1] - t * b[1]) * ahead[1]
+    return np.stack([over / (ahead[0] ** 2 + ahead[1] ** 2), t], axis=-1)
 
 
 def cells_along_normals(
