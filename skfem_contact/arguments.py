@@ -177,6 +177,14 @@ def number(value: Any, what: str, usage: str) -> float:
     return float(array)
 
 
+def finite(value: Any, sizes: tuple[int, ...], what: str, wanted: str) -> Array:
+    """A vector of one of these sizes, of finite numbers."""
+    array = numbers(value, what, f"give {wanted}")
+    if array.ndim != 1 or len(array) not in sizes or not np.isfinite(array).all():
+        raise InputError(f"{what} is {shown(value)}; give {wanted}")
+    return array
+
+
 def whole_number(value: Any, what: str, least: int, most: float = math.inf) -> None:
     """A whole number within bounds.
 

@@ -201,6 +201,18 @@ def test_normals_on_a_cylinder_are_of_second_order_at_least(kind):
     assert errors[1] < 2e-3
 
 
+def test_curves_that_are_meshed_unevenly_have_no_kinks():
+    """Here one edge on a cylinder turns and the opposite one happens not to: no line of kinks."""
+    angle, z = np.linspace(0, 1.2, 9), np.linspace(0, 1, 6)
+    mesh = fem.MeshHex.init_tensor(np.array([0.8, 1.0]), angle, z)
+    p = mesh.p.copy()
+    inner = np.all((p[1:] > 1e-9) & (p[1:] < [[1.2 - 1e-9], [1 - 1e-9]]), axis=0)
+    p[1:, inner] += np.random.default_rng(1).uniform(-0.2, 0.2, (2, inner.sum())) * [[0.15], [0.2]]
+    x = np.stack([p[0] * np.cos(p[1]), p[0] * np.sin(p[1]), p[2]])
+    shell = body(fem.MeshHex(x, mesh.t), "quad4").surface(lambda x: np.hypot(x[0], x[1]) > 0.95)
+    assert not shell.kinks.any()
+
+
 @every_kind
 def test_a_curved_surface_continues_beyond_planes_of_symmetry(kind):
     """On an eighth of a ball with rollers on its three cuts all normals are as those of the ball."""

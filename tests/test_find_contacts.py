@@ -113,6 +113,17 @@ def test_chord_heights_are_taken_off_in_space():
     assert len(sc.find_contacts(loose, within=0.05)) == 0
 
 
+def test_a_chamfer_beside_a_flat_takes_nothing_off():
+    """The flat ends straight at a chamfer, whose averaged normals would say that it bulges."""
+    mesh = fem.MeshQuad.init_tensor(np.linspace(0, 4, 5), np.linspace(0, 1, 3))
+    x = mesh.p.copy()
+    x[1, (x[0] == 4) & (x[1] == 0)] = np.tan(np.radians(25))
+    element = fem.ElementVector(fem.ElementQuad1())
+    block = sc.Body.from_mesh(fem.MeshQuad(x, mesh.t), element, STEEL, name="block")
+    (pair,) = sc.find_contacts([block, box("plate", (-1, -1), (5, 0), (6, 2))], within=0.01).found
+    np.testing.assert_allclose(pair.gap, 0.0, rtol=0, atol=1e-15)
+
+
 def test_far_parts_that_are_coarse_are_seen():
     """Two plates of one facet each, which cover a third of each other: middles see nothing."""
     low, high = (

@@ -337,6 +337,19 @@ def test_projection_from_beyond_the_centres_of_curvature(kind):
     assert np.count_nonzero(np.linalg.norm(feet.foot - x, axis=1) > nearest + 1e-9) <= 3
 
 
+@pytest.mark.parametrize("kind", ["tri6", "quad9"])
+def test_projection_takes_steps_back_that_lead_away(kind):
+    """On faces whose nodes are a fifth of a face off a flat one no place of a grid is nearer."""
+    kind, rng, count = FACETS[kind], np.random.default_rng(0), 100
+    flat = np.column_stack([kind.locations, np.zeros(kind.nodes)])
+    nodes = flat + rng.uniform(-0.2, 0.2, (count, kind.nodes, 3))
+    x, facets = rng.uniform(-1, 2, (count, 3)), np.arange(count * kind.nodes).reshape(count, -1)
+    feet = project(bare_surface(nodes.reshape(-1, 3), facets, "faces"), np.arange(count), x)
+    where = np.einsum("qk,pkd->pqd", kind.shapes(grid(kind, 41))[0], nodes)
+    nearest = np.linalg.norm(where - x[:, None], axis=2).min(axis=1)
+    assert np.all(np.linalg.norm(feet.foot - x, axis=1) <= nearest + 1e-6)
+
+
 @every_kind
 @pytest.mark.parametrize("height", [1e-3, 1e-6, 1e-9])
 def test_projection_of_points_that_nearly_touch(kind, height):

@@ -195,3 +195,13 @@ def test_coarse_arcs_that_end_on_a_plane_of_symmetry_are_square_to_it():
     """Facets of 44 degrees."""
     surface = arc_on_roller(2, 0.0, np.radians(44), 0.5, 1.0)
     assert surface.facet_node_normals[surface.twins < 0][0] == pytest.approx([0, -1], abs=1e-14)
+
+
+@pytest.mark.parametrize("method", [dual_mortar, node_to_segment])
+def test_rings_that_grow_alike_stay_closed(method):
+    """A uniform dilatation of both sides opens no gap: chord heights grow as the facets do."""
+    inner, outer = body(arc(7), name="inner"), body(arc(10), shrunk=1.5, name="outer")
+    u = [0.2 * b.dof_points[np.arange(b.n), b.dof_component] for b in (inner, outer)]
+    pairing = method(inner.surface("face").moved(u[0]), outer.surface("face").moved(u[1]))
+    # of the chord height, a ninetieth, the fourth order is left
+    assert_allclose(pairing.gap[1:-1], 0.0, atol=1e-5)

@@ -37,9 +37,9 @@ from skfem_contact.arguments import (
     NamesAttributes,
     check_kind,
     check_name,
+    finite,
     members,
     names_of,
-    numbers,
     shown,
     with_known_keywords,
 )
@@ -143,10 +143,8 @@ class Bolt(NamesAttributes):
             )
         d = body.dim
         for what, value in (("point", point), ("axis", axis)):
-            array = numbers(value, f"{what} of {whose}", f"give {d} coordinates")
-            if array.shape != (d,) or not np.isfinite(array).all():
-                raise InputError(f"{what} of {whose} is {shown(array)}; give {d} finite coordinates")
-            vars(self)[what] = sealed(array)
+            wanted = f"{d} finite coordinates"
+            vars(self)[what] = sealed(finite(value, (d,), f"{what} of {whose}", wanted))
         way, length = self.axis, np.linalg.norm(self.axis)
         if length == 0 or (body.axisymmetric and way[0] != 0):
             along = "(0, 1), as the body is axisymmetric" if body.axisymmetric else "a direction"

@@ -383,9 +383,7 @@ def _components(basis: Any) -> int:
 def check_numbering(basis: Any) -> None:
     """Refuse a numbering in which the components of a node do not follow each other."""
     c, dofs = _components(basis), basis.element_dofs
-    if c > 1 and not all(np.array_equal(dofs[i::c], dofs[::c] + i) for i in range(1, c)):
-        raise NeedsMore("the components of a node are not numbered one after the other")
-    if c > 1 and (dofs[::c] % c).any():
+    if (dofs[::c] % c).any() or not all(np.array_equal(dofs[i::c], dofs[::c] + i) for i in range(c)):
         raise NeedsMore("the components of a node are not numbered one after the other")
 
 

@@ -38,7 +38,7 @@ from skfem_contact.bodies.inputs import (
     several,
     stiffness_of,
 )
-from skfem_contact.bodies.member import Linearized, Meshed, State, motion_names, rigid_modes
+from skfem_contact.bodies.member import Meshed, State, motion_names, rigid_modes
 from skfem_contact.bodies.selection import displacements, pieces, tractions
 from skfem_contact.bodies.surface import ContactSurface, extract_surface
 from skfem_contact.errors import InputError, warn
@@ -163,27 +163,17 @@ class Body(Meshed):
         whose = self._place(basis, measure, name)
         if mass is None:
             mass = getattr(K, "density", 0.0) or None
-        if isinstance(K, Elastic):
-            object.__setattr__(self, "material", K)
-        vars(self).setdefault("material", None)  # bodies that are not linear have set theirs
+        # bodies that are not linear have set theirs
+        vars(self).setdefault("material", K if isinstance(K, Elastic) else None)
         fixed = prescribed_dofs(D, basis, whose)
         stiffness = Stiffness.of(self._form(K), basis, fixed, whose)
         by_skfem = stiffness.by_skfem
         if by_skfem and measure is not None and isinstance(K, Elastic | OfMaterial):  # no user's form
             by_skfem = "the measure of the body is a function of the position"
-        values = {
-            "K": stiffness.K,
-            "form": stiffness.form,
-            "by_skfem": by_skfem,
-            "_stiffness": stiffness,
-            "_mass": mass,
-            "D": fixed,
-        }
-        for key, value in values.items():
-            object.__setattr__(self, key, value)
-        object.__setattr__(self, "f", self.load(f, f"f of {whose}"))
-        object.__setattr__(self, "thermal", self.apart(f, self.f))
-        object.__setattr__(self, "x", self.prescribed(x, D is None, whose))
+        own = vars(self)
+        own.update(K=stiffness.K, form=stiffness.form, by_skfem=by_skfem, D=fixed)
+        own.update(_stiffness=stiffness, _mass=mass, f=self.load(f, f"f of {whose}"))
+        own.update(thermal=self.apart(f, self.f), x=self.prescribed(x, D is None, whose))
         seal(self)
 
     def _place(self, basis: Any, measure: Any, name: Any) -> str:
@@ -196,8 +186,7 @@ class Body(Meshed):
                 f"measure of {whose} is a {type(measure).__name__}, not a function of position; "
                 f"for a constant thickness pass measure=lambda x: {measure!r} + 0 * x[0]"
             )
-        for key, value in {"basis": basis, "measure": measure, "name": name}.items():
-            object.__setattr__(self, key, value)
+        vars(self).update(basis=basis, measure=measure, name=name)
         return whose
 
     @classmethod
@@ -272,10 +261,6 @@ class Body(Meshed):
         if self._mass is None:
             return None
         return mass_of(self._mass, self.basis, self.measure, f"body {self.name or 'without name'!r}")
-
-    def linearize(self, u: Array | None = None, state: State | None = None) -> Linearized:
-        """The stiffness, and the internal forces ``K u``, see `Member`."""
-        return Linearized(self.K, np.zeros(self.n) if u is None else self.K @ u, {})
 
     def stress(self, u: Array, state: State | None = None) -> Array:
         """Stress (3, 3, e, q) of a body with a material, at points of integration [stress].

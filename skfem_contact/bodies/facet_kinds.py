@@ -332,14 +332,11 @@ def positive_functions(kind: FacetKind) -> Array:
     return B
 
 
-def area_elements(points: Array, facets: Index, kind: FacetKind, xi: Array) -> Array:
-    """Outward normals with the length of the line or area element, (nf, q, d), at (q, d-1)."""
-    element = _elements(points, facets, kind, kind.shapes(xi)[1])
-    return np.broadcast_to(element, (len(facets), len(xi), points.shape[1]))
+def area_elements(points: Array, facets: Index, kind: FacetKind, dN: Array) -> Array:
+    """Outward normals with the length of the line or area element, (nf, q, d).
 
-
-def _elements(points: Array, facets: Index, kind: FacetKind, dN: Array) -> Array:
-    """`area_elements` for derivatives (q, k, d-1); of straight facets only one, (nf, 1, d)."""
+    Of shape functions with derivatives (q, k, d-1); of straight facets only one, (nf, 1, d).
+    """
     if kind.straight:  # the same all over, so it is computed once
         x = points.T.take(facets.T, axis=1)
         return across((x[:, 1:] - x[:, :1]).T)[:, None]
@@ -349,7 +346,7 @@ def _elements(points: Array, facets: Index, kind: FacetKind, dN: Array) -> Array
 def facet_sizes(points: Array, facets: Index, kind: FacetKind) -> Array:
     """Lengths of lines, areas of faces, shape (nf,)."""
     _, dN, weight = kind.gauss
-    density = sizes(_elements(points, facets, kind, dN))
+    density = sizes(area_elements(points, facets, kind, dN))
     return density[:, 0] * weight.sum() if kind.straight else density @ weight
 
 
@@ -358,7 +355,7 @@ def own_normals(points: Array, facets: Index, kind: FacetKind) -> tuple[Array, A
 
     At a node where the facet has no tangents, as at a quarter point, that of the middle.
     """
-    element = _elements(points, facets, kind, kind.derivatives)
+    element = area_elements(points, facets, kind, kind.derivatives)
     size = sizes(element)[..., None]
     middle = element[:, -1] / size[:, -1]
     if kind.straight:
@@ -378,7 +375,7 @@ def node_shares(
     The measure is that of the nodes' `places` (m, d), where it is not that of the points.
     """
     N, dN, weight = kind.gauss
-    density = sizes(_elements(points, facets, kind, dN)) * weight
+    density = sizes(area_elements(points, facets, kind, dN)) * weight
     if measure is not None:
         at = (points if places is None else places)[facets]
         density = density * weights_of(measure, np.einsum("qk,fkd->dfq", N, at), label)
@@ -394,7 +391,7 @@ def tributary_areas(points: Array, facets: Index, *given: Any) -> Array:
 def area_integrals(points: Array, facets: Index, kind: FacetKind, measure: Any) -> tuple[Array, Array]:
     """``int N n dA`` with the measure of the body, (m, d), and ``int |N| dA`` without, (m,)."""
     N, dN, weight = kind.gauss
-    element = _elements(points, facets, kind, dN) * weight[:, None]
+    element = area_elements(points, facets, kind, dN) * weight[:, None]
     size = sizes(element)
     if measure is not None:
         x = np.einsum("qk,fkd->dfq", N, points[facets])

@@ -129,9 +129,10 @@ class Member(NamesAttributes, ABC):
         """Internal variables of the undeformed body: none of a linear one."""
         return {}
 
-    @abstractmethod
     def linearize(self, u: np.ndarray | None = None, state: State | None = None) -> Linearized:
         """Stiffness, internal forces and internal variables at displacements u; changes nothing.
+
+        Here those of a linear body, ``K``, ``K u`` and none.
 
         Parameters
         ----------
@@ -145,6 +146,7 @@ class Member(NamesAttributes, ABC):
         MaterialError
             Where an element turns inside out, or the material has no answer: take a smaller step.
         """
+        return Linearized(self.K, np.zeros(self.n) if u is None else self.K @ u, {})
 
     @abstractmethod
     def stiffness(self, K: Any, what: str) -> csr_matrix:

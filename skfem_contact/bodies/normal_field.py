@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask, angle_between, cross, sizes, unit
+from skfem_contact.arrays import Array, Index, Mask, angle_between, cross, sizes, summed, unit
 from skfem_contact.bodies.facet_kinds import FacetKind, facet_sizes, kind_of, own_normals
 from skfem_contact.bodies.selection import pieces, seen_from_outside
 from skfem_contact.digits import GIVEN, SOLVED
@@ -96,7 +96,7 @@ def sizes_and_normals(
     if kind.quadratic and kind.dim == 2:
         averaged[:, c : 2 * c] = _at_edges(own[:, c : 2 * c], area, twins, mirrored)
 
-    total = _summed(corners, weighted, len(points))
+    total = summed(corners, weighted, len(points))
     if kind.quadratic:
         np.add.at(total, facets[:, c:], averaged[:, c:])
     # facets back to back (a crack tip) cancel: then the one met last decides
@@ -143,16 +143,8 @@ def _pieces(own: Array, twins: Index, corner: float) -> Index:
 
 def _means(weighted: Array, piece: Index, weight: Array, own: Array) -> Array:
     """Unit vectors of the sums over the pieces, (nf, c, d); `own` where nothing is left."""
-    total = _summed(piece, weighted, piece.max() + 1)
+    total = summed(piece, weighted, piece.max() + 1)
     return _unit_or(total.take(piece, axis=0), own, weight[..., None])
-
-
-def _summed(place: Index, vectors: Array, count: int) -> Array:
-    """Sums (count, d) of vectors (..., d) by their places."""
-    total, place = np.empty((count, vectors.shape[-1])), place.ravel()
-    for i in range(vectors.shape[-1]):
-        total[:, i] = np.bincount(place, vectors[..., i].ravel(), count)
-    return total
 
 
 def _at_edges(own: Array, area: Array, twins: Index, mirrored: Mask) -> Array:
@@ -464,14 +456,9 @@ def twin_edges(corners: Index) -> Index:
 
 def _occurrence(values: Index) -> Index:
     """Count how often each value has appeared before: [7, 3, 7] gives [0, 0, 1]."""
-    occurrence = np.zeros(len(values), dtype=np.intp)
-    order = np.argsort(values, kind="stable")
+    occurrence, order = np.empty(len(values), dtype=np.intp), np.argsort(values, kind="stable")
     ordered = values[order]
-    again = ordered[1:] == ordered[:-1]
-    if again.any():
-        position = np.arange(len(values))
-        first = np.where(np.concatenate([[True], ~again]), position, 0)
-        occurrence[order] = position - np.maximum.accumulate(first)
+    occurrence[order] = np.arange(len(values)) - np.searchsorted(ordered, ordered)
     return occurrence
 
 

@@ -326,23 +326,20 @@ def rings(
         Padded with zeros [length].
     there : ndarray of bool, shape (q, r)
     """
-    away, there = _offsets(points, shared, mirrored, chosen)
+    away, there = _offsets(points, shared[chosen], mirrored, chosen)
     few = np.flatnonzero(there.sum(axis=1) < ENOUGH[points.shape[1]])
     if len(few):
         own = shared[chosen[few]]
         second = own + own @ diags(passable.astype(float)) @ shared
-        wider, more = _offsets(points, csr_matrix(second), mirrored, chosen[few], rows=True)
+        wider, more = _offsets(points, csr_matrix(second), mirrored, chosen[few])
         r = max(away.shape[1], wider.shape[1])
         away, there = _padded(away, r), _padded(there, r)
         away[few], there[few] = _padded(wider, r), _padded(more, r)
     return away, there
 
 
-def _offsets(
-    points: Array, shared: csr_matrix, mirrored: Mask, chosen: Index, rows: bool = False
-) -> tuple[Array, Mask]:
-    """Offsets of the columns of rows, and of their images; `rows`: one row for each node chosen."""
-    matrix = shared if rows else shared[chosen]
+def _offsets(points: Array, matrix: csr_matrix, mirrored: Mask, chosen: Index) -> tuple[Array, Mask]:
+    """Offsets of the columns of rows, one row for each node chosen, and of their images."""
     count = np.diff(matrix.indptr)
     r = int(count.max(initial=0))
     place = np.arange(matrix.nnz) - np.repeat(matrix.indptr[:-1], count)

@@ -258,7 +258,7 @@ def check_facets(
     small = COMPUTED * np.ptp(mesh.doflocs, axis=1).max()
     none, folded = side.min(axis=1) <= small, np.zeros(0, dtype=bool)
     if kind.dim == 2:
-        area = area_elements(points, facets, kind, np.vstack([kind.locations, kind.middle]))
+        area = area_elements(points, facets, kind, kind.derivatives)
         none |= sizes(area[:, -1]) <= small * side.max(axis=1)
         folded = np.einsum("fqd,fd->fq", area, area[:, -1]).min(axis=1) <= 0
     bad = np.flatnonzero(none)

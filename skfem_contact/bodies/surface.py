@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -42,6 +42,17 @@ from skfem_contact.bodies.selection import (
 )
 from skfem_contact.errors import InputError
 from skfem_contact.records import dataclass, seal, sealed
+
+T = TypeVar("T")
+
+
+class _as_undeformed(cached_property[T]):
+    """A cached property that a surface which has moved takes from the undeformed one."""
+
+    def __get__(self, surface: Any, owner: type[Any] | None = None) -> Any:
+        if surface is None or surface.undeformed is None:
+            return super().__get__(surface, owner)
+        return getattr(surface.undeformed, str(self.attrname))
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,11 +159,9 @@ class ContactSurface(NamesAttributes):
         """Dimension of space."""
         return self.points.shape[1]
 
-    @cached_property
+    @_as_undeformed
     def kind(self) -> FacetKind:
         """Nodes and shape functions of the facets."""
-        if self.undeformed is not None:
-            return self.undeformed.kind
         return kind_of(self.dim, self.facets.shape[1])
 
     @cached_property
@@ -160,18 +169,14 @@ class ContactSurface(NamesAttributes):
         """Facets have middle nodes."""
         return self.kind.quadratic
 
-    @cached_property
+    @_as_undeformed
     def held(self) -> np.ndarray:
         """The components of each node that are prescribed, shape (m, d)."""
-        if self.undeformed is not None:
-            return self.undeformed.held
         return held_components(self.body, self.dofs)
 
-    @cached_property
+    @_as_undeformed
     def held_nodes(self) -> np.ndarray:
         """Nodes with prescribed DOFs, of a scalar field too, shape (m,)."""
-        if self.undeformed is not None:
-            return self.undeformed.held_nodes
         return np.asarray(np.isin(self.dofs, self.body.D).any(axis=1))
 
     def moved(self, u: np.ndarray) -> ContactSurface:
@@ -205,22 +210,18 @@ class ContactSurface(NamesAttributes):
         """The undeformed surface: itself, unless it has `moved`."""
         return self if self.undeformed is None else self.undeformed
 
-    @cached_property
+    @_as_undeformed
     def quadrics(self) -> Quadrics:
         """The smooth boundary that the nodes of the undeformed surface lie on."""
-        if self.undeformed is not None:
-            return self.undeformed.quadrics
         ends = self.sharp_points | (self.kinks > BENT)
         return Quadrics.of(self.points, self.facets, self.kind, self.normals, ends, self.mirrored)
 
-    @cached_property
+    @_as_undeformed
     def mirrored_rim(self) -> np.ndarray:
         """Components across which it goes on as its mirror image, at each of the `_rim`, (r, d).
 
         As the undeformed surface does: strains tilt what ends there.
         """
-        if self.undeformed is not None:
-            return self.undeformed.mirrored_rim
         return mirrors(self.points, self._rim, self.held, self.normals)
 
     @cached_property
@@ -254,11 +255,9 @@ class ContactSurface(NamesAttributes):
         """Lengths of lines, areas of faces, shape (nf,), without a `measure`."""
         return self.lengths**self.kind.dim
 
-    @cached_property
+    @_as_undeformed
     def neighbours(self) -> np.ndarray:
         """Facets before and after each line, (nf, 2), or across each edge of a face, (nf, c); or -1."""
-        if self.undeformed is not None:
-            return self.undeformed.neighbours
         return self.twins // self.kind.corners
 
     @cached_property
@@ -283,14 +282,12 @@ class ContactSurface(NamesAttributes):
         sharp[self.facets[:, self.kind.edges][self.sharp_edges]] = True
         return sharp
 
-    @cached_property
+    @_as_undeformed
     def kinks(self) -> np.ndarray:
         """Angle by which it turns at a node beside a straight part or a flat, (m,); 0 elsewhere [rad].
 
         That of the undeformed surface: strains bend flats, and would make kinks come and go.
         """
-        if self.undeformed is not None:
-            return self.undeformed.kinks
         return kink_angles(self.points, self.facets, self.kind, self.twins)
 
     @property

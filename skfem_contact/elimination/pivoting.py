@@ -24,7 +24,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from skfem_contact.arrays import Array, Mask
+from skfem_contact.arrays import Array, Mask, entries
 from skfem_contact.records import dataclass
 
 # Rows agree if they do so to this part of the largest of |b| + |C||x| (rows scaled to a largest
@@ -106,11 +106,6 @@ def find_pivots(A: sp.csr_matrix, prefer: Mask | None = None) -> Pivots:
     return Pivots(rows, pivot[rows], _inverse(A[rows], pivot[rows], block[rows]))
 
 
-def _entry_rows(A: sp.csr_matrix) -> IntArray:
-    """Row number of every stored entry."""
-    return np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
-
-
 def _owner(pivot: IntArray, n: int) -> IntArray:
     """The row that has each column as its pivot; -1 where none has."""
     owner = np.full(n, -1)
@@ -130,7 +125,7 @@ def row_maximum(A: sp.csr_matrix, values: NDArray[Any]) -> NDArray[Any]:
 
 def _best_entries(A: sp.csr_matrix, prefer: Mask | None) -> IntArray:
     """Column each row proposes as pivot; -1 where (nearly) nothing is left of the row."""
-    row = _entry_rows(A)
+    row = entries(A)[0]
     score = np.abs(A.data)
     largest = row_maximum(A, score)
     if prefer is None:
@@ -152,7 +147,7 @@ def _best_entries(A: sp.csr_matrix, prefer: Mask | None) -> IntArray:
 def _coupled_rows(A: sp.csr_matrix, pivot: IntArray, block: IntArray) -> IntArray:
     """Strong components of "row i contains the pivot of row j"; blocks stay together."""
     k = A.shape[0]
-    row, owner = _entry_rows(A), _owner(pivot, A.shape[1])
+    row, owner = entries(A)[0], _owner(pivot, A.shape[1])
     to = owner[A.indices]
     edge = (to >= 0) & (to != row) & (pivot[row] >= 0)
     live = np.flatnonzero(pivot >= 0)
@@ -186,7 +181,7 @@ def _pivot_blocks(A: sp.csr_matrix, rows: IntArray, owner: IntArray) -> FloatArr
     place = np.full(A.shape[0] + 1, -1)  # the last place is that of no row (-1)
     place[rows.ravel()] = np.arange(rows.size)
     sub = A[rows.ravel()]
-    i, j = _entry_rows(sub), place[owner[sub.indices]]
+    i, j = entries(sub)[0], place[owner[sub.indices]]
     inside = (j >= 0) & (j // size == i // size)
     i, j = i[inside], j[inside]
     dense = np.zeros((count, size, size))
@@ -223,7 +218,7 @@ def _dense_blocks(A: sp.csr_matrix, rows: IntArray) -> tuple[FloatArray, IntArra
     """Blocks (blocks, size, q) over all columns they contain, and these (blocks, q), -1 padded."""
     count, size = rows.shape
     sub = A[rows.ravel()]
-    at = _entry_rows(sub)
+    at = entries(sub)[0]
     key, local = np.unique(
         at // size * np.int64(A.shape[1]) + sub.indices,  # sorted by block, then by column
         return_inverse=True,
@@ -279,9 +274,9 @@ def _inverse(A: sp.csr_matrix, pivot: IntArray, block: IntArray) -> sp.csr_matri
         row.append(np.broadcast_to(rows[:, :, None], shape).ravel())
         column.append(np.broadcast_to(rows[:, None, :], shape).ravel())
         value.append(np.ravel(1.0 / dense if shape[1] == 1 else np.linalg.inv(dense)))
-    entries = (np.concatenate(row), np.concatenate(column))
-    inverse = sp.csr_matrix((np.concatenate(value), entries), shape=(k, k))
-    i, j = _entry_rows(A), owner[A.indices]
+    place = np.concatenate(row), np.concatenate(column)
+    inverse = sp.csr_matrix((np.concatenate(value), place), shape=(k, k))
+    i, j = entries(A)[0], owner[A.indices]
     outside = (j >= 0) & (block[i] != block[j])
     if not outside.any():
         return inverse

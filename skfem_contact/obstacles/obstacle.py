@@ -266,8 +266,7 @@ def rotation_matrix(angle: Any) -> Array:
     size = float(np.linalg.norm(angle))
     if size == 0.0:
         return np.eye(3)
-    x, y, z = angle / size
-    axis = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    axis = np.cross(np.eye(3), angle / size)
     return np.asarray(np.eye(3) + np.sin(size) * axis + 2 * np.sin(size / 2) ** 2 * (axis @ axis))
 
 
@@ -277,9 +276,7 @@ def spin_rate(vector: Array) -> Array:
     With ``\dot R = [w] R``, ``w = (1 + (1 - cos a) / a^2 [v] + (a - sin a) / a^3 [v]^2) \dot v`` for
     ``R(v)`` and ``a = |v|``. Singular after a whole turn, except about the same axis.
     """
-    x, y, z = vector
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    angle = float(np.linalg.norm(vector))
+    cross, angle = np.cross(np.eye(3), vector), float(np.linalg.norm(vector))
     first = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
     # the digits that it loses where angles are small are those that [v]^2 takes off
     second = (1 - np.sinc(angle / np.pi)) / angle**2 if angle**2 > 0 else 0.0

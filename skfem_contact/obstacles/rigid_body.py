@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix, issparse, sparray, spmatrix
 from skfem_contact.arguments import (
     check_kind,
     check_name,
+    finite,
     number,
     numbers,
     shown,
@@ -20,7 +21,7 @@ from skfem_contact.arguments import (
 )
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.inputs import csr32
-from skfem_contact.bodies.member import Linearized, Member, State, motion_names
+from skfem_contact.bodies.member import Member, motion_names
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError
@@ -133,7 +134,9 @@ class RigidBody(Member, Obstacle):
         if isinstance(obstacle, RigidBody):
             raise InputError(f"obstacle of a RigidBody is {obstacle!r}; {usage}")
         name = name or obstacle.name
-        self._set(obstacle=obstacle, name=name, about=about_of(about, obstacle, self._whose(name)))
+        vars(self).update(
+            obstacle=obstacle, name=name, about=about_of(about, obstacle, self._whose(name))
+        )
         whose = self._whose(name)
         load = np.zeros(self.n)
         load[: self.dim] = vector_of(force, self.dim, f"force of {whose}")
@@ -141,18 +144,14 @@ class RigidBody(Member, Obstacle):
         if moment is not None:
             given = moment if turns > 1 else [number(moment, f"moment of {whose}", "give one number")]
             load[self.dim :] = vector_of(given, turns, f"moment of {whose}")
-        self._set(
+        vars(self).update(
             f=load,
             D=held_dofs(D, self.directions, f"D of {whose}"),
             K=self.stiffness(K, f"K of {whose}"),
             mass=None if mass is None else definite(mass, self.n, f"mass of {whose}"),
         )
-        self._set(x=self._prescribed(x, f"x of {whose}"))
+        vars(self).update(x=self._prescribed(x, f"x of {whose}"))
         seal(self)
-
-    def _set(self, **values: Any) -> None:
-        for key, value in values.items():
-            object.__setattr__(self, key, value)
 
     def __setstate__(self, known: dict[str, Any]) -> None:
         vars(self).update(known)
@@ -237,10 +236,6 @@ class RigidBody(Member, Obstacle):
     def rigid_mode_names(self) -> tuple[str, ...]:
         """The motions in words."""
         return motion_names(self.dim, self.components)
-
-    def linearize(self, u: Array | None = None, state: State | None = None) -> Linearized:
-        """Its springs and their forces, see `Member`."""
-        return Linearized(self.K, np.zeros(self.n) if u is None else self.K @ u, {})
 
     def stiffness(self, K: Any, what: str) -> csr_matrix:
         """Springs (n, n) that a user means: a stiffness for every DOF, a matrix, or none."""
@@ -348,10 +343,8 @@ def about_of(about: Any, obstacle: Obstacle, whose: str) -> np.ndarray:
             f"{whose} needs the point that its force acts at and its rotation is counted about: "
             f"{obstacle.label!r} has no centre of its own, give about=(...)"
         )
-    point, own = (
-        finite(about, (2, 3), f"about of {whose}", "2 or 3 finite coordinates"),
-        obstacle.reference,
-    )
+    point = finite(about, (2, 3), f"about of {whose}", "2 or 3 finite coordinates")
+    own = obstacle.reference
     if own is not None and len(own) != len(point):
         raise InputError(f"about of {whose} is {shown(about)}, but its obstacle is {len(own)}-D")
     return sealed(point)
@@ -362,11 +355,3 @@ def vector_of(value: Any, size: int, what: str) -> np.ndarray:
     if value is None:
         return np.zeros(size)
     return finite(value, (size,), what, f"{size} finite numbers")
-
-
-def finite(value: Any, sizes: tuple[int, ...], what: str, wanted: str) -> np.ndarray:
-    """A vector of one of these sizes, of finite numbers."""
-    array = numbers(value, what, f"give {wanted}")
-    if array.ndim != 1 or len(array) not in sizes or not np.isfinite(array).all():
-        raise InputError(f"{what} is {shown(value)}; give {wanted}")
-    return array

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,6 +28,7 @@ from skfem_contact.obstacles.obstacle import (
 from skfem_contact.records import carried, dataclass
 
 Paired = NDArray[np.bool_]
+Moved = TypeVar("Moved", bound="Round")
 
 
 @with_known_keywords()
@@ -133,6 +134,12 @@ class Round(Obstacle):
             across = across - np.outer(self.axis, self.axis)
         return (-across if self.hollow else across) / self.radius
 
+    def moved(self: Moved, motion: MotionLike) -> Moved:
+        """Return the obstacle after a rigid motion, see `Obstacle.moved`."""
+        turn, shift = rigid_motion(motion, len(self.centre))
+        axis = {} if self.axis is None else {"axis": turn @ self.axis}
+        return replace(self, centre=turn @ self.centre + shift, **axis)  # type: ignore[type-var]
+
     def turns_in_itself(self, about: Array) -> bool:
         """About its centre, in the plane."""
         return len(about) == 2 and bool(np.all(about == self.centre))
@@ -198,12 +205,6 @@ class RigidCylinder(Round):
         if self.axis is not None:
             object.__setattr__(self, "axis", direction(self.axis, "axis", self))
 
-    def moved(self, motion: MotionLike) -> RigidCylinder:
-        """Return the cylinder after a rigid motion, see `Obstacle.moved`."""
-        turn, shift = rigid_motion(motion, len(self.centre))
-        axis = None if self.axis is None else turn @ self.axis
-        return replace(self, centre=turn @ self.centre + shift, axis=axis)
-
 
 @with_known_keywords()
 @dataclass(frozen=True, eq=False, init=False)
@@ -241,11 +242,6 @@ class RigidSphere(Round):
         self, centre: ArrayLike, radius: float, hollow: bool = False, name: str | None = None
     ) -> None:
         take(self, centre=centre, radius=radius, hollow=hollow, name=name)
-
-    def moved(self, motion: MotionLike) -> RigidSphere:
-        """Return the sphere after a rigid motion, see `Obstacle.moved`."""
-        turn, shift = rigid_motion(motion, len(self.centre))
-        return replace(self, centre=turn @ self.centre + shift)
 
 
 # -- functions -------------------------------------------------------------------------------------

@@ -24,9 +24,9 @@ __getattr__, __dir__ = entrances(
         "diagnosis": "diagnose",
         "dual": "DualBasis dual_basis node_rows",
         "mortar": "dual_mortar least_gaps",
-        "node": "gap_vectors node_to_segment Pairing",
+        "node": "gap_vectors node_to_segment Pairing whole_shares",
         "projection": "interpolated_normals project rim_points",
-        "segmentation": "segment whole_shares",
+        "segmentation": "segment",
         "search": "FacetTree closest_candidates",
     },
 )

@@ -182,11 +182,8 @@ class Cells:
         bow, half = None if self.bow is None else self.bow.take(cell, axis=0).T[:, None], 0.5 * size
         bent = self.kind.corners == 4 and np.abs(more).max(initial=0.0) > COMPUTED
         alpha, X = H, Y
-        eye, ways, rises = (
-            np.eye(dim)[..., None, None],
-            np.swapaxes(slope[:, :dim], 0, 1),
-            slope[:, dim:],
-        )
+        eye = np.eye(dim)[..., None, None]
+        ways, rises = np.swapaxes(slope[:, :dim], 0, 1), slope[:, dim:]
         for _ in range(NEWTON_STEPS):
             field = at_zero
             if bent:

@@ -217,10 +217,8 @@ class Side:
         if not len(at):
             return self._at_edges(facet, feet, apart, height, in_cone)
         good = np.zeros(len(facet), dtype=bool)
-        corner, least = (
-            primary.facets[facet[at], feet.place[at] - c],
-            GIVEN * primary.lengths[facet[at]],
-        )
+        corner = primary.facets[facet[at], feet.place[at] - c]
+        least = GIVEN * primary.lengths[facet[at]]
         across = np.where(primary.mirrored[corner], np.abs(apart[at]), 0.0).max(axis=1)
         leads = self.joints.leads_off(corner, apart[at], least) | (across > least)
         good[at] = ~leads & (~primary.sharp_points[corner] | in_cone[at])

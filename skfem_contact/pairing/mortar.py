@@ -71,8 +71,8 @@ from skfem_contact.pairing.dual import (
     slip_rows,
     without_multiplier,
 )
-from skfem_contact.pairing.node import SHARE_KEPT, Pairing, gap_vectors
-from skfem_contact.pairing.segmentation import Moments, Segmentation, segment, whole_shares
+from skfem_contact.pairing.node import SHARE_KEPT, Pairing, gap_vectors, whole_shares
+from skfem_contact.pairing.segmentation import Moments, Segmentation, segment
 from skfem_contact.pairing.smooth import (
     TINY,
     Bulges,
@@ -394,11 +394,8 @@ def divided(matrix: csr_matrix, by: Array, paired: Mask) -> csr_matrix:
     """Rows divided by their sums, entries that are zero kept; no rows where not paired."""
     row, column, value = entries(matrix)
     keep = paired[row]
-    row, start = (
-        row[keep],
-        np.concatenate([[0], np.cumsum(np.where(paired, np.diff(matrix.indptr), 0))]),
-    )
-    return csr_matrix((value[keep] / by[row], column[keep], start), shape=matrix.shape)
+    start = np.concatenate([[0], np.cumsum(np.where(paired, np.diff(matrix.indptr), 0))])
+    return csr_matrix((value[keep] / by[row[keep]], column[keep], start), shape=matrix.shape)
 
 
 def weighted_gaps(

@@ -35,7 +35,7 @@ from skfem_contact.arrays import (
     sizes,
     tangents,
 )
-from skfem_contact.bodies.facet_kinds import FacetKind, positive_functions
+from skfem_contact.bodies.facet_kinds import positive_functions
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
 from skfem_contact.errors import InputError
@@ -438,21 +438,30 @@ def poor_nodes(surface: ContactSurface) -> Mask:
     The end of a quadratic line on the axis of symmetry: its integral is zero if the line is straight,
     else that of the curvature, and a force over it is off by the errors of the neighbours' forces.
     """
-    return poor(surface, *positive_shares(surface.kind, surface.shares))
+    return _positive_shares(surface)[2]
 
 
-def positive_shares(kind: FacetKind, shares: Array) -> tuple[Array, Array]:
-    """Integrals of the positive functions, and those on straight facets of the same area, (nf, k)."""
+def whole_shares(surface: ContactSurface) -> Array:
+    """Integrals of what the multipliers are dual to over whole facets, shape (nf, k) [area].
+
+    Where one is next to zero, at `poor_nodes`, it is that of a facet of the same area off the axis:
+    every share is a part of something.
+    """
+    whole, plain, poor = _positive_shares(surface)
+    return np.where(poor, plain, whole)
+
+
+def _positive_shares(surface: ContactSurface) -> tuple[Array, Array, Mask]:
+    """Integrals of the positive functions, (nf, k), those on straight facets of the same area, and
+    where they are zero; on the axis also where they are less than multipliers need.
+    """
+    kind, shares, measure = surface.kind, surface.shares, surface.body.measure
     positive = positive_functions(kind)
-    return shares @ positive.T, np.outer(shares.sum(axis=1), positive @ kind.shares)
-
-
-def poor(surface: ContactSurface, whole: Array, plain: Array) -> Mask:
-    """Return where `whole` is zero; on the axis also where it is less than multipliers need."""
-    nothing, measure = whole <= COMPUTED * plain, surface.body.measure
-    if measure is None:
-        return np.asarray(nothing)
-    at = np.moveaxis(surface.measured_at[surface.facets], -1, 0)
-    weight = np.broadcast_to(measure(at), whole.shape)
-    on_axis = weight <= COMPUTED * weight.max(axis=1, keepdims=True)
-    return np.asarray(nothing | (on_axis & (whole < SHARE_KEPT * plain)))
+    whole, plain = shares @ positive.T, np.outer(shares.sum(axis=1), positive @ kind.shares)
+    poor = whole <= COMPUTED * plain
+    if measure is not None:
+        at = np.moveaxis(surface.measured_at[surface.facets], -1, 0)
+        weight = np.broadcast_to(measure(at), whole.shape)
+        on_axis = weight <= COMPUTED * weight.max(axis=1, keepdims=True)
+        poor |= on_axis & (whole < SHARE_KEPT * plain)
+    return whole, plain, poor

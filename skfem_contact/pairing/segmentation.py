@@ -42,7 +42,7 @@ from functools import cached_property
 import numpy as np
 
 from skfem_contact.arrays import Array, Index, cross, dot, runs, sizes, summed, unit
-from skfem_contact.bodies.facet_kinds import KINDS, FacetKind, area_elements
+from skfem_contact.bodies.facet_kinds import KINDS, FacetKind
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, NEWTON_STEPS, SINGLE
 from skfem_contact.errors import InputError
@@ -63,7 +63,6 @@ from skfem_contact.pairing.clipping import (
     signed_areas,
 )
 from skfem_contact.pairing.closest import search_range
-from skfem_contact.pairing.node import poor, positive_shares
 from skfem_contact.pairing.search import FACING
 from skfem_contact.records import dataclass
 
@@ -422,19 +421,3 @@ class Moments:
             across += summed(piece, (weighted @ points.M).reshape(len(piece), k * k_other), p)
         whole = summed(e, own, nf).reshape(nf, k, k)
         return cls(pieces, e, f, whole, own.reshape(p, k, k), across.reshape(p, k, k_other))
-
-
-def whole_shares(surface: ContactSurface) -> Array:
-    """Integrals of what the multipliers are dual to over whole facets, shape (nf, k) [area].
-
-    Where one is next to zero, as at `poor_nodes`, it is that of a facet of the same area off the
-    axis: every share is a part of something.
-    """
-    kind, measure = surface.kind, surface.body.measure
-    at, weight = kind.quadrature(2 * kind.degree)
-    N, _ = kind.shapes(at)
-    area = sizes(area_elements(surface.points, surface.facets, kind, at)) * weight
-    if measure is not None:
-        area = area * measure(np.moveaxis(N @ surface.measured_at[surface.facets], -1, 0))
-    whole, plain = positive_shares(kind, area @ N)
-    return np.asarray(np.where(poor(surface, whole, plain), plain, whole))

@@ -466,17 +466,9 @@ def _gradients(place: Place) -> tuple[Array, Array]:
     surface, facet, M = place
     kind, nodes = surface.kind, surface.points[surface.facets[facet]]
     slopes = kind.shapes(M.T @ kind.locations)[1]
-    J = np.swapaxes(nodes, 1, 2) @ slopes
-    normal = unit(across(np.swapaxes(J, 1, 2)))
-    slopes, J = (np.ascontiguousarray(x.transpose(1, 2, 0)) for x in (slopes, J))
-    metric = np.einsum("dap,dbp->abp", J, J)
-    if len(metric) == 1:
-        inverse = 1 / metric
-    else:
-        (a, b), (_, c) = metric
-        inverse = np.array([[c, -b], [-b, a]]) / (a * c - b * b)
-    dual = np.einsum("abp,dbp->adp", inverse, J)
-    return np.einsum("kap,adp->kdp", slopes, dual), np.ascontiguousarray(normal.T)
+    ways = np.swapaxes(slopes, 1, 2) @ nodes
+    g = slopes @ np.linalg.solve(ways @ np.swapaxes(ways, 1, 2), ways)
+    return np.ascontiguousarray(g.transpose(1, 2, 0)), np.ascontiguousarray(unit(across(ways)).T)
 
 
 def bulged_nodes(
