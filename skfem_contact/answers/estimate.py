@@ -68,12 +68,32 @@ UNKNOWN = ErrorSources(*[np.nan] * 6)
 
 
 def estimate(result: Answer, values: ContactValues) -> ErrorEstimate:
-    """Estimate the error of one contact; needs the displacements of its bodies."""
-    found = _estimated(result, values)
+    """Estimate the error of one contact; needs the displacements of its bodies.
+
+    The six parts, and what would improve the answer; or why it can not be rated.
+    """
+    contact = values.contact
+    surface, closed = values.surface, values.status != OPEN
+    if not closed.any():
+        none = ErrorSources()
+        return ErrorEstimate(none, none, np.zeros(len(closed)), {}, 0, "nothing touches")
+    # as vectors: tangents may be another choice from one node to the next
+    friction = values.traction - values.pressure[:, None] * values.normal
+    both = np.hstack([values.pressure[:, None], friction])
+    bodies, elements = bodies_error(result, values)
+    stiffness = stiffness_error(result, contact, values, both)
+    error = SurfaceError(values, _between_nodes(result, values, contact))
+    of_pressure, _ = error(values.pressure[:, None])
+    of_both, share = error(both)
+    bodies, chords = net_of(result, bodies, chords_error(result, values))
+    pressure = ErrorSources(*of_pressure, bodies, 0.0, chords)
+    traction = ErrorSources(*of_both, bodies, stiffness, chords)
+    across = points_across(error.net, values.status) if surface.dim == 2 else None
+    found = ErrorEstimate(pressure, traction, share, elements, across, "")
     why = _unrated(result, values, found)
-    if not why:
-        return found
-    return replace(found, pressure=UNKNOWN, traction=UNKNOWN, advice=why, unrated=why)
+    if why:
+        return replace(found, pressure=UNKNOWN, traction=UNKNOWN, advice=why, unrated=why)
+    return replace(found, advice=_advice(result, values, found))
 
 
 def _unrated(result: Answer, values: ContactValues, found: ErrorEstimate) -> str:
@@ -93,29 +113,6 @@ def _unrated(result: Answer, values: ContactValues, found: ErrorEstimate) -> str
             "node; compare with a finer mesh"
         )
     return ""
-
-
-def _estimated(result: Answer, values: ContactValues) -> ErrorEstimate:
-    """The six parts, and what would improve the answer."""
-    contact = values.contact
-    surface, closed = values.surface, values.status != OPEN
-    if not closed.any():
-        none = ErrorSources()
-        return ErrorEstimate(none, none, np.zeros(len(closed)), {}, 0, "nothing touches")
-    # as vectors: tangents may be another choice from one node to the next
-    friction = values.traction - values.pressure[:, None] * values.normal
-    both = np.hstack([values.pressure[:, None], friction])
-    bodies, elements = bodies_error(result, values)
-    stiffness = stiffness_error(result, contact, values, both)
-    error = SurfaceError(values, _between_nodes(result, values, contact))
-    of_pressure, _ = error(values.pressure[:, None])
-    of_both, share = error(both)
-    bodies, chords = net_of(result, bodies, chords_error(result, values))
-    pressure = ErrorSources(*of_pressure, bodies, 0.0, chords)
-    traction = ErrorSources(*of_both, bodies, stiffness, chords)
-    across = points_across(error.net, values.status) if surface.dim == 2 else None
-    advice = _advice(result, values, traction, share, elements, across)
-    return ErrorEstimate(pressure, traction, share, elements, across, advice)
 
 
 def points_across(net: Net, status: Index) -> int:
@@ -148,22 +145,12 @@ def _pressed(result: Answer, values: ContactValues, side: ContactSurface) -> Ind
     return np.flatnonzero(forces[side.dofs].any(axis=1)[side.facets].any(axis=1))
 
 
-def _advice(
-    result: Answer,
-    values: ContactValues,
-    sources: ErrorSources,
-    share: Array,
-    elements: dict[str, Elements],
-    across: int | None,
-) -> str:
+def _advice(result: Answer, values: ContactValues, found: ErrorEstimate) -> str:
     """The largest part in words, and what makes it smaller."""
-    if "scatter" in sources.missing:
-        return ""  # see `_unrated`
-    largest = sources.largest
-    if sources.total <= SOLVED:
+    if found.traction.total <= SOLVED:
         return "nothing to improve: exact, as far as the answer tells"
-    said = _of_largest(result, values, largest, share, elements, across)
-    if not np.isnan(sources.bodies):
+    said = _of_largest(result, values, found)
+    if not np.isnan(found.traction.bodies):
         return said
     contact = values.contact
     sides = [s.body for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
@@ -227,15 +214,9 @@ def _on_obstacle(surface: ContactSurface, obstacle: Obstacle) -> Mask:
     return np.asarray((far < near + 0.5 * step) & ~surface.mirrored_rim.any(axis=1))
 
 
-def _of_largest(
-    result: Answer,
-    values: ContactValues,
-    largest: str,
-    share: Array,
-    elements: dict[str, Elements],
-    across: int | None,
-) -> str:
-    contact, worst = values.contact, int(np.argmax(share))
+def _of_largest(result: Answer, values: ContactValues, found: ErrorEstimate) -> str:
+    largest, across, elements = found.traction.largest, found.points_across, found.elements
+    contact, worst = values.contact, int(np.argmax(found.indicator))
     name = contact.secondary.label
     at = "(" + ", ".join(f"{x:.3g}" for x in values.points[worst]) + ")"
     if largest == "edges":

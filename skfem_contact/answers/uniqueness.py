@@ -411,7 +411,6 @@ def critical_friction(space: PointSpace, status: Index, friction: Array, G: Arra
     soft = (status != OPEN) & able & np.isfinite(G)
     free, A = _unheld(space, status == OPEN, soft, _isotropic(space, G))
     W = _factors(A).inverse()
-    follows = W @ space.S[free]
     out, closed = np.where(able, np.inf, np.nan), status != OPEN
     for has in product((True, False), repeat=exists.shape[1]):
         mine = able & (exists == np.array(has)).all(axis=1)
@@ -420,7 +419,7 @@ def critical_friction(space: PointSpace, status: Index, friction: Array, G: Arra
             chosen = np.flatnonzero(mine & some)
             if len(chosen):
                 rows = space.normal_rows[chosen], space.tangential_rows[chosen][:, has]
-                out[chosen] = _least(*_met(space.S, free, W, follows, *rows, is_free, G[chosen]))
+                out[chosen] = _least(*_met(space.S, free, W, *rows, is_free, G[chosen]))
     return out
 
 
@@ -493,19 +492,12 @@ def turning_springs(tangential_force: Array, slip: Array, G: Array, space: Point
 
 
 def _met(
-    S: Array,
-    free: Index,
-    W: Array,
-    follows: Array,
-    n: Index,
-    t: Index,
-    is_free: tuple[bool, bool],
-    G: Array,
+    S: Array, free: Index, W: Array, n: Index, t: Index, is_free: tuple[bool, bool], G: Array
 ) -> tuple[Array, Array, Array]:
     """Stiffness that points meet along their slips, and between these and the gap; and its scale.
 
-    Of shapes (p, c, c), (p, c) and (p,), where free rows, of the compliance W, follow all others.
-    `is_free` says whether gaps are, and slips, which springs G then hold.
+    Of shapes (p, c, c), (p, c) and (p,), beside free rows of the compliance W. `is_free` says whether
+    gaps are among these, and slips, which springs G then hold.
     """
     if is_free[0]:
         r = np.searchsorted(free, np.column_stack([n, t]))
@@ -516,11 +508,12 @@ def _met(
         r = np.searchsorted(free, t)
         terms = np.linalg.inv(W[r[:, :, None], r[:, None]])
         K = terms - G[:, None, None] * np.eye(t.shape[1])
-        k = np.einsum("pij,pj->pi", terms, follows[r, n[:, None]])
+        k = np.einsum("pij,pjf,fp->pi", terms, W[r], S[np.ix_(free, n)], optimize=True)
     else:
-        terms, moved = S[t[:, :, None], t[:, None]], follows[:, t]  # (free, p, c)
-        K = terms - np.einsum("fpi,fpj->pij", S[free][:, t], moved)
-        k = S[t, n[:, None]] - np.einsum("fp,fpi->pi", S[np.ix_(free, n)], moved)
+        terms, beside = S[t[:, :, None], t[:, None]], S[free][:, t]  # (free, p, c)
+        follows = np.tensordot(W, beside, axes=1)
+        K = terms - np.einsum("fpi,fpj->pij", beside, follows)
+        k = S[t, n[:, None]] - np.einsum("fp,fpi->pi", S[np.ix_(free, n)], follows)
     return np.asarray(K, dtype=float), np.asarray(k, dtype=float), np.einsum("pii->p", terms)
 
 
