@@ -188,14 +188,10 @@ def arrow_heads(size: Array, longest: float, most: int) -> Index:
 
 def draw_lines(ax: Any, points: Array, lines: Index, size: float) -> None:
     """An obstacle in the plane, with strokes on the side of the solid; `size`: of the picture."""
-    from matplotlib.collections import LineCollection  # optional, and slow to import
-
     if not len(lines):
         return
     ends = points[lines]
-    ax.add_collection(
-        LineCollection(list(ends), colors=LINES, linewidths=1.2, zorder=2.5, gid="obstacle")
-    )
+    add_lines(ax, ends, colors=LINES, linewidths=1.2, zorder=2.5, gid="obstacle")
     along = ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(along, axis=1)
     stop = np.cumsum(length)
@@ -206,15 +202,15 @@ def draw_lines(ax: Any, points: Array, lines: Index, size: float) -> None:
     start = ends[k, 0] + (places - stop[k] + length[k])[:, None] * unit
     left = np.column_stack([-unit[:, 1], unit[:, 0]])
     stroke = apart / np.sqrt(2) * (left - unit)
-    ax.add_collection(
-        LineCollection(
-            list(np.stack([start, start + stroke], axis=1)),
-            colors=TOOL,
-            linewidths=0.7,
-            zorder=2.4,
-            gid="obstacle strokes",
-        )
-    )
+    strokes = np.stack([start, start + stroke], axis=1)
+    add_lines(ax, strokes, colors=TOOL, linewidths=0.7, zorder=2.4, gid="obstacle strokes")
+
+
+def add_lines(ax: Any, lines: Array, **style: Any) -> None:
+    """Lines (s, 2, 2) of one style."""
+    from matplotlib.collections import LineCollection  # optional, and slow to import
+
+    ax.add_collection(LineCollection(list(lines), **style))
 
 
 def _pyplot() -> Any:

@@ -24,6 +24,7 @@ from skfem_contact.output.drawing import (
     PLAIN,
     Box,
     View,
+    add_lines,
     arc_length,
     arrow_heads,
     colour_bar,
@@ -213,7 +214,7 @@ def colour_name(stress: OneStress | None, component: str | None, units: Mapping[
 
 def _draw_cells(ax: Any, result: ContactResult, seen: View, values: list[Array], cmap: str) -> Any:
     """The bodies with their colours and outlines."""
-    from matplotlib.collections import LineCollection, PolyCollection  # optional, and slow to import
+    from matplotlib.collections import PolyCollection  # optional, and slow to import
 
     low, high = limits(values)
     image = None
@@ -227,8 +228,7 @@ def _draw_cells(ax: Any, result: ContactResult, seen: View, values: list[Array],
             image = ax.tripcolor(*x, triangles, colour, shading="gouraud", **style)
         surface = body.surface(None)
         rim = surface.facets[:, surface.kind.simplices].reshape(-1, 2)
-        lines = seen.surface(result, surface)[rim]
-        ax.add_collection(LineCollection(list(lines), colors=LINES, linewidths=0.7))
+        add_lines(ax, seen.surface(result, surface)[rim], colors=LINES, linewidths=0.7)
     return image
 
 

@@ -279,25 +279,14 @@ def _on_simplices(function: Callable[[Array], Array], axes: Sequence[Array]) -> 
     number = np.arange(values.size).reshape(values.shape)
     corners = []
     for order in permutations(range(d)):  # Kuhn's simplices: from one corner to the opposite one
-        at, ways = np.zeros(d, dtype=int), [np.zeros(d, dtype=int)]
-        for axis in order:
-            at = at + np.eye(d, dtype=int)[axis]
-            ways.append(at)
-        shifted = [_shifted(number, way) for way in ways]
+        steps = np.eye(d, dtype=int)[list(order)]
+        ways = np.concatenate([0 * steps[:1], np.cumsum(steps, axis=0)])
+        shifted = [number[tuple(slice(s, s - 1 or None) for s in way)].ravel() for way in ways]
         corners.append(np.stack(shifted, axis=1))
     cells = np.concatenate(corners)
     signs, known = values.ravel()[cells] < 0, np.isfinite(values.ravel()[cells]).all(axis=1)
     cells = cells[signs.any(axis=1) & ~signs.all(axis=1) & known]
     return values.ravel()[cells], grid.reshape(d, -1).T[cells]
-
-
-def _shifted(number: Index, way: Index) -> Index:
-    """Numbers of the grid's nodes that are one step along some axes from the first of every cell."""
-    for axis, step in enumerate(way):
-        number = np.moveaxis(
-            np.moveaxis(number, axis, 0)[step : number.shape[axis] - 1 + step], 0, axis
-        )
-    return number.ravel()
 
 
 def _crossing(values: Array, x: Array, i: int, j: int) -> Array:
