@@ -456,7 +456,6 @@ def _share(part: float, whole: float) -> str:
 
 
 Elements = tuple[NDArray[np.intp], Array]
-Three = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -585,24 +584,6 @@ def percent(share: float) -> str:
     if np.isnan(share):
         return "not known"
     return f"{100 * share:.2g} %" if share > SOLVED else "0 %"
-
-
-def relative(edges: Array, facets: Array, scatter: Array, size: float) -> tuple[Three, Array]:
-    """Norms of three squared errors over points, relative to a norm; the share of each point.
-
-    Parameters
-    ----------
-    edges, facets, scatter : ndarray, shape (m,)
-        Squares of the errors.
-    size : float
-        Of the traction, squared.
-    """
-    total = edges + facets + scatter
-    share = total / total.sum() if total.sum() > SOLVED**2 * size else np.zeros(len(total))
-    norms = [
-        float(np.sqrt(part.sum() / size)) if size > 0 else 0.0 for part in (edges, facets, scatter)
-    ]
-    return (norms[0], norms[1], norms[2]), share
 
 
 class _Its(property):

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import check_switch, known_keywords, members, numbers
@@ -252,7 +252,8 @@ def _arrows(ax: Any, result: ContactResult, seen: View, box: Box) -> tuple[Array
         head = place[order]
         tail = head - length * values.traction[order]
         ends.append(tail)
-        ax.plot(*_only(tail, size[order] > 0).T, color=FRICTION, lw=0.8, zorder=3)
+        torn = np.where(size[order, None] > 0, tail, np.nan)
+        ax.plot(*torn.T, color=FRICTION, lw=0.8, zorder=3)
         few = arrow_heads(size[order], peak, 60)
         ax.quiver(
             *tail[few].T, *(head - tail)[few].T, angles="xy", scale_units="xy", scale=1.0,
@@ -260,11 +261,6 @@ def _arrows(ax: Any, result: ContactResult, seen: View, box: Box) -> tuple[Array
             units="dots", zorder=3,
         )  # fmt: skip
     return np.concatenate(ends), peak
-
-
-def _only(points: Array, keep: NDArray[np.bool_]) -> Array:
-    """Points to draw a line through, torn where they are not kept."""
-    return np.where(keep[:, None], points, np.nan)
 
 
 def colours(
