@@ -53,7 +53,7 @@ from scipy.linalg import LinAlgError
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, lengths, unit_vectors
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import Coulomb, Tresca
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
@@ -447,14 +447,12 @@ def orientation(
     free, J = _unheld(space, status == OPEN, soft | slips, held_by)
     _factors(J)  # what follows has a meaning only where the bodies are held
     size = np.sqrt(np.diag(J))
-    length = np.linalg.norm(tangential_force, axis=1)
+    push = friction[:, None] * unit_vectors(tangential_force)
     coupled = slips & (friction > 0) & (space.normal_rows >= 0)
     for k in range(t.shape[1]):
         on = coupled & (t[:, k] >= 0)
-        push = friction[on] * tangential_force[on, k] / np.where(length[on] > 0, length[on], 1.0)
-        J[np.searchsorted(free, t[on, k])] += (
-            push[:, None] * space.S[np.ix_(space.normal_rows[on], free)]
-        )
+        rows = space.S[np.ix_(space.normal_rows[on], free)]
+        J[np.searchsorted(free, t[on, k])] += push[on, k, None] * rows
     J /= size
     J /= size[:, None]
     try:
@@ -482,8 +480,7 @@ def turning_springs(tangential_force: Array, slip: Array, G: Array, space: Point
     m, t = tangential_force.shape
     if t == 1:
         return np.zeros((m, 1, 1))
-    force, moved = np.linalg.norm(tangential_force, axis=1), np.linalg.norm(slip, axis=1)
-    d = tangential_force / np.where(force > 0, force, 1.0)[:, None]
+    force, moved, d = lengths(tangential_force), lengths(slip), unit_vectors(tangential_force)
     across = np.eye(t) - d[:, :, None] * d[:, None, :]
     gives = np.divide(moved, force, out=np.full(m, np.inf), where=force > 0) + 1.0 / G
     least = SOLVED / np.max(np.diag(space.S))  # a spring as stiff as that is as good as sticking
