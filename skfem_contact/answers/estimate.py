@@ -171,15 +171,10 @@ def _sharp_edge(result: Answer, values: ContactValues, point: int) -> str:
     if np.any(open_[around] & np.isfinite(values.gap[around])):
         return ""
     primary = contact.primary
-    if not isinstance(primary, ContactSurface):
-        pressing = _on_obstacle(surface, primary)
-    else:
-        sides = [surface, primary]
-        if contact.sliding == "finite":
-            sides = [side.moved(result.displacement(side.body)) for side in sides]
-        surface, primary = sides
-        pressing = _over(surface, primary)
-    ends = surface.facets[:, surface.kind.edges][surface.twins < 0][pressing]
+    if isinstance(primary, ContactSurface) and contact.sliding == "finite":
+        both = surface, primary
+        surface, primary = (side.moved(result.displacement(side.body)) for side in both)
+    ends = surface.facets[:, surface.kind.edges][surface.twins < 0][_over(surface, primary)]
     if np.isin(ends, around[~open_[around]]).any():
         return f"at the end of {contact.secondary.label}"
     if isinstance(primary, ContactSurface) and (pressing := _over(primary, surface)).any():
@@ -191,27 +186,20 @@ def _sharp_edge(result: Answer, values: ContactValues, point: int) -> str:
     return ""
 
 
-def _ahead(surface: ContactSurface) -> tuple[Array, Array, Array]:
-    """Middles of the edges of a rim, places a little way out from there, and this way [length]."""
+def _over(surface: ContactSurface, other: ContactSurface | Obstacle) -> Mask:
+    """Edges of the rim of a surface past which the other side goes on a little way out, (r,).
+
+    An obstacle does where it is no farther there. Not where both end flush, nor on a plane of symmetry.
+    """
     rim, facet = Rim.of(surface), np.nonzero(surface.twins < 0)[0]
     middle, step = rim.corners.mean(axis=1), A_TENTH * surface.lengths[facet]
-    return middle, middle + step[:, None] * rim.outward, step
-
-
-def _over(surface: ContactSurface, other: ContactSurface) -> Mask:
-    """Edges of the rim of a surface past which the other side goes on, (r,).
-
-    Not where both end flush, nor on a plane of symmetry.
-    """
-    goes_on = Rim.of(other).beyond(_ahead(surface)[1]) < 0
+    ahead = middle + step[:, None] * rim.outward
+    if isinstance(other, ContactSurface):
+        goes_on = Rim.of(other).beyond(ahead) < 0
+    else:
+        near, far = (signed_distance(shape_of(other), surface, x) for x in (middle, ahead))
+        goes_on = far < near + 0.5 * step
     return np.asarray(goes_on & ~surface.mirrored_rim.any(axis=1))
-
-
-def _on_obstacle(surface: ContactSurface, obstacle: Obstacle) -> Mask:
-    """`_over` of an obstacle: it goes on where it is no farther a little way out, (r,)."""
-    middle, ahead, step = _ahead(surface)
-    near, far = (signed_distance(shape_of(obstacle), surface, x) for x in (middle, ahead))
-    return np.asarray((far < near + 0.5 * step) & ~surface.mirrored_rim.any(axis=1))
 
 
 def _of_largest(result: Answer, values: ContactValues, found: ErrorEstimate) -> str:

@@ -364,14 +364,13 @@ def nodal_field(result: ContactResult, body: Member | str, field: str) -> Array:
     (25, 3, 3)
     """
     check_kind(result, ContactResult, "result", "what a solver returns")
-    own: Any = result.system.bodies[result.system.index(body)]
-    known = _known(result, own)
+    i = result.system.index(body)
+    own: Any = result.system.bodies[i]
+    name, known = result.system.names[i], _known(result, body)
     if field not in known:
-        raise InputError(
-            f"body {result.system.names[result.system.index(body)]!r} has no field {shown(field)}"
-            f"{suggest(field, known, 'fields') if known else f'; {NO_MATERIAL}'}"
-        )
-    values = result.stress(body) if field in STRESSES else result.state[known[field]][field]
+        words = suggest(field, known, "fields") if known else f"; {NO_MATERIAL}"
+        raise InputError(f"body {name!r} has no field {shown(field)}{words}")
+    values = result.stress(body) if field in STRESSES else result.state[name][field]
     nodal = Projection.of(own).of_points(own.basis, values)
     if np.min(values) >= 0.0:
         nodal = np.maximum(nodal, 0.0)
@@ -385,11 +384,11 @@ NO_MATERIAL = (
 )
 
 
-def _known(result: ContactResult, body: Any) -> dict[str, str]:
-    """Names of the fields that the material of a body knows, each with the name of the body."""
-    name = result.system.names[result.system.index(body)]
-    stresses = STRESSES if getattr(body, "material", None) is not None else ()
-    return dict.fromkeys((*stresses, *result.state.get(name, ())), name)
+def _known(result: ContactResult, body: Any) -> tuple[str, ...]:
+    """Names of the fields that the material of a body knows."""
+    i = result.system.index(body)
+    material = getattr(result.system.bodies[i], "material", None)
+    return (*(STRESSES if material is not None else ()), *result.state.get(result.system.names[i], ()))
 
 
 def field_values(result: ContactResult, body: Body, field: Stress) -> Array:

@@ -568,14 +568,15 @@ def sliding_words(drift: Drift, turning: Sequence[str] = ()) -> str:
 
 def facet_words(drift: Drift, contact: Contact | None = None) -> str:
     """Say what long facets on curves do to a light contact, at an obstacle or not, and what to do."""
+    share = f"{100 * drift.sagitta_share:.3g} % of the elastic approach of {drift.approach:.3g}"
+    how_far = f"{drift.sagitta:.3g} off each other, {share}"
     if contact is not None and isinstance(contact.primary, Obstacle):
         pieces = contact.primary.outline is not None
         shorter = (
             f", and give {contact.primary.label!r} shorter straight pieces (STL)" if pieces else ""
         )
         return (
-            f"over the length of one facet the two sides stand {drift.sagitta:.3g} off each other, "
-            f"{100 * drift.sagitta_share:.3g} % of the elastic approach of {drift.approach:.3g}: the "
+            f"over the length of one facet the two sides stand {how_far}: the "
             "contact is about as small as a facet, and what it carries depends on where the nodes are. "
             "Pressures are not resolved, and forces that follow from prescribed displacements, or the "
             f"way of a tool under a force, may be wrong by "
@@ -585,8 +586,7 @@ def facet_words(drift: Drift, contact: Contact | None = None) -> str:
     # a body rests on one facet or on the next where it is pressed in by less than what they stand out
     several = "There may be several answers, one for each facet that can carry. "
     return (
-        f"over the length of one facet the curves stand {drift.sagitta:.3g} off each other, "
-        f"{100 * drift.sagitta_share:.3g} % of the elastic approach of {drift.approach:.3g}: contact "
+        f"over the length of one facet the curves stand {how_far}: contact "
         "ends within the facets, and polygons meet elsewhere than curves do. Pressures there are not "
         "resolved, and forces that follow from prescribed displacements may be wrong by a large "
         f"factor. {several if drift.sagitta_share > 1 else ''}Refine both surfaces where they touch."
