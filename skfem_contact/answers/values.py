@@ -391,7 +391,10 @@ def contact_lines(values: ContactValues, estimate: bool) -> list[str]:
         where = written(values.points[values.heir[peak]])  # not beyond an edge, see `pressure`
         if size[peak] > 0 or contact.separation:
             lines.append(f"  {f'largest {what}':<24s} {size[peak]:.6g} at {where}")
-        lines += _tension_lines(values)
+        lowest = int(np.argmin(values.pressure))
+        if not (contact.tied or contact.separation) and values.pressure[lowest] < 0:
+            where = written(values.points[lowest])
+            lines.append(f"  largest tension          {-values.pressure[lowest]:.6g} at {where}")
     if contact.friction is not None:
         lines += _friction_lines(values)
     if values.worn_volume:
@@ -404,15 +407,6 @@ def contact_lines(values: ContactValues, estimate: bool) -> list[str]:
     if len(open_gaps):
         lines.append(f"  smallest open gap        {open_gaps.min():.6g}")
     return lines
-
-
-def _tension_lines(values: ContactValues) -> list[str]:
-    """The largest tension of contact without separation, where there is any."""
-    lowest = int(np.argmin(values.pressure))
-    if values.contact.tied or values.contact.separation or values.pressure[lowest] >= 0:
-        return []
-    where = written(values.points[lowest])
-    return [f"  largest tension          {-values.pressure[lowest]:.6g} at {where}"]
 
 
 def _friction_lines(values: ContactValues) -> list[str]:

@@ -438,11 +438,10 @@ class Validity(NamesAttributes):
         found = [0.0]
         for part in self.contacts.values():
             found += [part.drift.worst, part.drift.sagitta_share / SAGITTA, part.excess]
-        found += [strain / A_TENTH for strain in self.strain.values()]
+        for shares in (self.strain, self.second_order, self.displacement):
+            found += [share / A_TENTH for share in shares.values()]
         found += [turn / A_TENTH for name, turn in self.rotation.items() if turn > self.strain[name]]
         found += [share / LOCKED for share in self.locking.values()]
-        found += [share / A_TENTH for share in self.second_order.values()]
-        found += [share / A_TENTH for share in self.displacement.values()]
         return float(np.nanmax(found))
 
     def __str__(self) -> str:
@@ -454,21 +453,15 @@ class Validity(NamesAttributes):
                 f"  {name}: strain {strain:.2g} where its energy is, rotation "
                 f"{self.rotation[name]:.2g} (up to {A_TENTH:g})"
             )
-        lines += [
-            f"  {name}: large displacements change {100 * share:.2g} % (up to {100 * A_TENTH:g} %)"
-            for name, share in self.displacement.items()
-            if share > 0
-        ]
-        for name, share in self.locking.items():
-            lines.append(
-                f"  {name}: neighbouring elements take back {100 * share:.2g} % of the energy (up to "
-                f"{100 * LOCKED:g} %)"
-            )
-        for name, share in self.second_order.items():
-            lines.append(
-                f"  {name}: moments of second order that are left out {100 * share:.2g} % "
-                f"(up to {100 * A_TENTH:g} %)"
-            )
+        displaced = {name: share for name, share in self.displacement.items() if share > 0}
+        for words, shares, of_what, most in (
+            ("large displacements change", displaced, "", A_TENTH),
+            ("neighbouring elements take back", self.locking, " of the energy", LOCKED),
+            ("moments of second order that are left out", self.second_order, "", A_TENTH),
+        ):
+            for name, share in shares.items():
+                found = f"{100 * share:.2g} %{of_what} (up to {100 * most:g} %)"
+                lines.append(f"  {name}: {words} {found}")
         return "\n".join(lines)
 
 
