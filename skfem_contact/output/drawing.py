@@ -126,17 +126,6 @@ def colour_bar(ax: Any, image: Any, label: str, **where: Any) -> None:
     ax.figure.colorbar(image, ax=ax, label=label, ticks=[low] if same else None, **where)
 
 
-def short_numbers(ax: Any) -> None:
-    """A few round numbers at both axes, with a common power of ten where they are small or large."""
-    from matplotlib.ticker import MaxNLocator, ScalarFormatter  # optional, and slow to import
-
-    for axis in (ax.xaxis, ax.yaxis):
-        if isinstance(axis.get_major_formatter(), ScalarFormatter):  # not those of the user's axes
-            axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
-            axis.get_major_formatter().set_powerlimits((-3, 5))
-            axis.get_major_formatter().set_useMathText(True)
-
-
 def which(result: ContactResult, contact: Contact | str | int | None) -> int:
     """The number of a contact, which may be left out where there is one."""
     if contact is not None:
