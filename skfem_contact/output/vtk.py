@@ -146,22 +146,22 @@ def write(
         time = number(time, "time", "give one number")
     result = displaced(result, u)
     path.parent.mkdir(parents=True, exist_ok=True)
-    bodies, contacts, obstacles = _files(path)
+    files = _files(path)
     grids = (
         bodies_grid(result, stress, words),
         contact_grid(result, words),
         obstacles_grid(result, words),
     )
-    for file, grid in zip((bodies, contacts, obstacles), grids, strict=True):
+    for file, grid in zip(files, grids, strict=True):
         if grid is not None:
             _write(file, with_time(grid, result, time))
-    return bodies, contacts
+    return files[0], files[1]
 
 
-def _files(path: Path) -> tuple[Path, Path, Path]:
+def _files(path: Path) -> list[Path]:
+    """Of bodies, contacts and obstacles."""
     ends = ("", "_contact", "_obstacles")
-    bodies, contacts, obstacles = (path.with_name(f"{path.stem}{end}{path.suffix}") for end in ends)
-    return bodies, contacts, obstacles
+    return [path.with_name(f"{path.stem}{end}{path.suffix}") for end in ends]
 
 
 def _write(path: Path, grid: Grid) -> None:
