@@ -109,12 +109,29 @@ class Overlaps:
 
     def look_near(self, i: int, result: Answer, drift: Drift) -> bool:
         """Whether solids with small sliding seem to, by displacements of contacts and supports."""
+        if self._hidden(self.tracks[i]):
+            return True
         parts = self._filled(self.beside_contacts, result.recover.at_contact())
         return self._seems(i, parts, result, drift)
 
     @staticmethod
     def _filled(beside: dict[int, Extrapolation], u: Array) -> dict[int, Array]:
         return {b: unknown.filled(u) for b, unknown in beside.items()}
+
+    def _hidden(self, track: ContactWatch) -> bool:
+        """Whether nodes in no row lie among those that are: only the interior knows their places."""
+        known = np.zeros(self.system.n, dtype=bool)
+        known[self.known()] = known[self.held] = True
+        x = np.concatenate([track.points[track.paired], track.feet[track.paired]])
+        if not len(x):
+            return True
+        room = float(np.max(np.abs(track.points - track.feet))) + float(np.max(track.sagittas))
+        room += SOLVED * self.system.extent
+        box = x.min(axis=0) - room, x.max(axis=0) + room
+        return any(
+            within(side.points[~known[self.system.slice(side.body)][side.dofs].all(axis=1)], box).any()
+            for side in sides_of(track.contact)
+        )
 
     def _seems(self, i: int, parts: dict[int, Array], result: Answer, drift: Drift) -> bool:
         """Whether points of a side or edges lie in the other body, by displacements of both bodies.
