@@ -78,5 +78,6 @@ def test_the_body_that_errs_most_is_named():
     for coarse, fine in (("upper", "lower"), ("lower", "upper")):
         numbers = np.arange(2)
         elements = {fine: (numbers, np.array([0.3, 0.1])), coarse: (numbers, np.array([0.25, 0.35]))}
-        words = _advice(contact, values, sources, np.zeros(5), elements, 0)
+        found = sc.answers.ErrorEstimate(sources, sources, np.zeros(5), elements, 0, "")
+        words = _advice(contact, values, found)
         assert f"the mesh of {coarse} around the contact" in words

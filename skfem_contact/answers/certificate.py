@@ -20,7 +20,6 @@ from skfem_contact.answers.answer import Answer, contact_forces
 from skfem_contact.arguments import NamesAttributes
 from skfem_contact.arrays import Array, Index, cross
 from skfem_contact.bodies.member import unit_motions
-from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
@@ -138,7 +137,9 @@ def certify(result: Answer) -> Certificate:
     # a load is a scale however small: a body that ran away with it has not carried it
     floor = 0.0
     if not f.any():
-        noise = _largest_term(result)
+        # of the sums ``K u``: their sizes, added up instead of cancelling
+        pairs = zip(system.bodies, result.stiffness, strict=True)
+        noise = _largest(*(abs(K) @ np.abs(u[system.slice(body)]) for body, K in pairs))
         floor = GIVEN * noise if force < COMPUTED * noise else 0.0
     if not (f.any() or result.case.x.any()):
         # what is left of earlier forces is no scale for itself: coordinates have rounding errors, and
@@ -169,16 +170,6 @@ def certify(result: Answer) -> Certificate:
         moment_gap=across,
         moment_normal=normal,
         placement=result.mismatch,
-    )
-
-
-def _largest_term(result: Answer) -> float:
-    """Of the sums ``K u``: their sizes, added up instead of cancelling."""
-    return _largest(
-        *(
-            abs(K) @ np.abs(result.u[result.system.slice(body)])
-            for body, K in zip(result.system.bodies, result.stiffness, strict=True)
-        )
     )
 
 
@@ -230,26 +221,30 @@ def _balance(result: Answer, external: Array, scale: float) -> tuple[float, floa
     component = np.concatenate([b.dof_component for b in system.bodies])
     points = np.concatenate([b.dof_points for b in system.bodies])
     d = points.shape[1]
+    along = np.einsum("ik,ikd->id", -result.local.tangential_force, kin.axes)
+    pressing = result.local.normal_force[:, None] * kin.normal
+    fixed = np.zeros((kin.m, 1), dtype=bool)
+    for contact, part in zip(result.contacts, result.slices(), strict=True):
+        fixed[part] = contact.rigid and contact.rigid_body is None
     # without the contact forces between bodies, which have to balance by themselves; with them the
     # sum would be that of K u, zero whatever the contact does
-    on_obstacles = _obstacle_forces(result)
+    on_obstacles = np.where(fixed, pressing + along, 0.0)
     axes = sorted(set(component[component < system.bodies[0].components]))
     F = np.array([external[component == k].sum() for k in axes])
     F -= _by_springs(result, [(component == k).astype(float) for k in axes])
     skip = {0} if any(b.axisymmetric for b in system.solids.values()) else set()
     kept = [k for k in axes if k not in skip]
-    rigid = np.array([on_obstacles[:, k].sum() for k in axes])
-    resultant = float(np.max(np.abs((F + rigid)[kept]), initial=0.0))
+    F += np.array([on_obstacles[:, k].sum() for k in axes])
+    resultant = float(np.max(np.abs(F[kept]), initial=0.0))
     if len(axes) < d or skip or any(body.finite_strain for body in system.bodies):
         return resultant, np.nan, np.nan, np.nan  # and moments about where bodies were mean nothing
     centre = points.mean(axis=0)
     turns = _turns(points, centre, component, system.extent)
     M = turns @ external - _by_springs(result, turns)
-    offset, rigid_points = _offsets(result)
-    M += cross(rigid_points - centre, on_obstacles).sum(axis=0)
-    along = np.einsum("ik,ikd->id", -result.local.tangential_force, kin.axes)
-    across = cross(offset, along).sum(axis=0)
-    normal = cross(offset, result.state.normal_force[:, None] * kin.normal).sum(axis=0)
+    # of the pairing's weights, not of the rows that the answer fulfils: the two are compared
+    M += cross(kin.offset - centre, on_obstacles).sum(axis=0)
+    offset = np.where(fixed, 0.0, kin.offset)
+    across, normal = cross(offset, along).sum(axis=0), cross(offset, pressing).sum(axis=0)
     return (
         resultant,
         _ratio(_largest(M + across + normal), scale),
@@ -290,36 +285,6 @@ def _by_springs(result: Answer, modes: Any) -> Array:
             ):
                 total[i] += float(resisted @ result.u[part])
     return total
-
-
-def _obstacle_forces(result: Answer) -> Array:
-    """Force on the secondary at the points of obstacles without DOFs: external to the bodies."""
-    kin, state = result.kin, result.local
-    along = np.einsum("ik,ikd->id", -state.tangential_force, kin.axes)
-    F = state.normal_force[:, None] * kin.normal + along
-    for contact, part in zip(result.contacts, result.slices(), strict=True):
-        if _moves(contact):
-            F[part] = 0.0
-    return F
-
-
-def _offsets(result: Answer) -> tuple[Array, Array]:
-    """Vector from the primary to the secondary side of each point, on the undeformed bodies.
-
-    Zero for obstacles, whose forces act at the point itself: the second array has these points.
-    """
-    # of the pairing's weights, not of the rows that the answer fulfils: the two are compared
-    rigid_points = result.kin.offset
-    vector = rigid_points.copy()
-    for contact, part in zip(result.contacts, result.slices(), strict=True):
-        if not _moves(contact):
-            vector[part] = 0.0
-    return vector, rigid_points
-
-
-def _moves(contact: Contact) -> bool:
-    """Whether the primary side is one of the bodies, so that forces on it are none from outside."""
-    return not contact.rigid or contact.rigid_body is not None
 
 
 def _largest(*arrays: Array) -> float:

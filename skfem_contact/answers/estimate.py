@@ -68,12 +68,32 @@ UNKNOWN = ErrorSources(*[np.nan] * 6)
 
 
 def estimate(result: Answer, values: ContactValues) -> ErrorEstimate:
-    """Estimate the error of one contact; needs the displacements of its bodies."""
-    found = _estimated(result, values)
+    """Estimate the error of one contact; needs the displacements of its bodies.
+
+    The six parts, and what would improve the answer; or why it can not be rated.
+    """
+    contact = values.contact
+    surface, closed = values.surface, values.status != OPEN
+    if not closed.any():
+        none = ErrorSources()
+        return ErrorEstimate(none, none, np.zeros(len(closed)), {}, 0, "nothing touches")
+    # as vectors: tangents may be another choice from one node to the next
+    friction = values.traction - values.pressure[:, None] * values.normal
+    both = np.hstack([values.pressure[:, None], friction])
+    bodies, elements = bodies_error(result, values)
+    stiffness = stiffness_error(result, contact, values, both)
+    error = SurfaceError(values, _between_nodes(result, values, contact))
+    of_pressure, _ = error(values.pressure[:, None])
+    of_both, share = error(both)
+    bodies, chords = net_of(result, bodies, chords_error(result, values))
+    pressure = ErrorSources(*of_pressure, bodies, 0.0, chords)
+    traction = ErrorSources(*of_both, bodies, stiffness, chords)
+    across = points_across(error.net, values.status) if surface.dim == 2 else None
+    found = ErrorEstimate(pressure, traction, share, elements, across, "")
     why = _unrated(result, values, found)
-    if not why:
-        return found
-    return replace(found, pressure=UNKNOWN, traction=UNKNOWN, advice=why, unrated=why)
+    if why:
+        return replace(found, pressure=UNKNOWN, traction=UNKNOWN, advice=why, unrated=why)
+    return replace(found, advice=_advice(result, values, found))
 
 
 def _unrated(result: Answer, values: ContactValues, found: ErrorEstimate) -> str:
@@ -93,29 +113,6 @@ def _unrated(result: Answer, values: ContactValues, found: ErrorEstimate) -> str
             "node; compare with a finer mesh"
         )
     return ""
-
-
-def _estimated(result: Answer, values: ContactValues) -> ErrorEstimate:
-    """The six parts, and what would improve the answer."""
-    contact = values.contact
-    surface, closed = values.surface, values.status != OPEN
-    if not closed.any():
-        none = ErrorSources()
-        return ErrorEstimate(none, none, np.zeros(len(closed)), {}, 0, "nothing touches")
-    # as vectors: tangents may be another choice from one node to the next
-    friction = values.traction - values.pressure[:, None] * values.normal
-    both = np.hstack([values.pressure[:, None], friction])
-    bodies, elements = bodies_error(result, values)
-    stiffness = stiffness_error(result, contact, values, both)
-    error = SurfaceError(values, _between_nodes(result, values, contact))
-    of_pressure, _ = error(values.pressure[:, None])
-    of_both, share = error(both)
-    bodies, chords = net_of(result, bodies, chords_error(result, values))
-    pressure = ErrorSources(*of_pressure, bodies, 0.0, chords)
-    traction = ErrorSources(*of_both, bodies, stiffness, chords)
-    across = points_across(error.net, values.status) if surface.dim == 2 else None
-    advice = _advice(result, values, traction, share, elements, across)
-    return ErrorEstimate(pressure, traction, share, elements, across, advice)
 
 
 def points_across(net: Net, status: Index) -> int:
@@ -148,22 +145,12 @@ def _pressed(result: Answer, values: ContactValues, side: ContactSurface) -> Ind
     return np.flatnonzero(forces[side.dofs].any(axis=1)[side.facets].any(axis=1))
 
 
-def _advice(
-    result: Answer,
-    values: ContactValues,
-    sources: ErrorSources,
-    share: Array,
-    elements: dict[str, Elements],
-    across: int | None,
-) -> str:
+def _advice(result: Answer, values: ContactValues, found: ErrorEstimate) -> str:
     """The largest part in words, and what makes it smaller."""
-    if "scatter" in sources.missing:
-        return ""  # see `_unrated`
-    largest = sources.largest
-    if sources.total <= SOLVED:
+    if found.traction.total <= SOLVED:
         return "nothing to improve: exact, as far as the answer tells"
-    said = _of_largest(result, values, largest, share, elements, across)
-    if not np.isnan(sources.bodies):
+    said = _of_largest(result, values, found)
+    if not np.isnan(found.traction.bodies):
         return said
     contact = values.contact
     sides = [s.body for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
@@ -184,15 +171,10 @@ def _sharp_edge(result: Answer, values: ContactValues, point: int) -> str:
     if np.any(open_[around] & np.isfinite(values.gap[around])):
         return ""
     primary = contact.primary
-    if not isinstance(primary, ContactSurface):
-        pressing = _on_obstacle(surface, primary)
-    else:
-        sides = [surface, primary]
-        if contact.sliding == "finite":
-            sides = [side.moved(result.displacement(side.body)) for side in sides]
-        surface, primary = sides
-        pressing = _over(surface, primary)
-    ends = surface.facets[:, surface.kind.edges][surface.twins < 0][pressing]
+    if isinstance(primary, ContactSurface) and contact.sliding == "finite":
+        both = surface, primary
+        surface, primary = (side.moved(result.displacement(side.body)) for side in both)
+    ends = surface.facets[:, surface.kind.edges][surface.twins < 0][_over(surface, primary)]
     if np.isin(ends, around[~open_[around]]).any():
         return f"at the end of {contact.secondary.label}"
     if isinstance(primary, ContactSurface) and (pressing := _over(primary, surface)).any():
@@ -204,38 +186,25 @@ def _sharp_edge(result: Answer, values: ContactValues, point: int) -> str:
     return ""
 
 
-def _ahead(surface: ContactSurface) -> tuple[Array, Array, Array]:
-    """Middles of the edges of a rim, places a little way out from there, and this way [length]."""
+def _over(surface: ContactSurface, other: ContactSurface | Obstacle) -> Mask:
+    """Edges of the rim of a surface past which the other side goes on a little way out, (r,).
+
+    An obstacle does where it is no farther there. Not where both end flush, nor on a plane of symmetry.
+    """
     rim, facet = Rim.of(surface), np.nonzero(surface.twins < 0)[0]
     middle, step = rim.corners.mean(axis=1), A_TENTH * surface.lengths[facet]
-    return middle, middle + step[:, None] * rim.outward, step
-
-
-def _over(surface: ContactSurface, other: ContactSurface) -> Mask:
-    """Edges of the rim of a surface past which the other side goes on, (r,).
-
-    Not where both end flush, nor on a plane of symmetry.
-    """
-    goes_on = Rim.of(other).beyond(_ahead(surface)[1]) < 0
+    ahead = middle + step[:, None] * rim.outward
+    if isinstance(other, ContactSurface):
+        goes_on = Rim.of(other).beyond(ahead) < 0
+    else:
+        near, far = (signed_distance(shape_of(other), surface, x) for x in (middle, ahead))
+        goes_on = far < near + 0.5 * step
     return np.asarray(goes_on & ~surface.mirrored_rim.any(axis=1))
 
 
-def _on_obstacle(surface: ContactSurface, obstacle: Obstacle) -> Mask:
-    """`_over` of an obstacle: it goes on where it is no farther a little way out, (r,)."""
-    middle, ahead, step = _ahead(surface)
-    near, far = (signed_distance(shape_of(obstacle), surface, x) for x in (middle, ahead))
-    return np.asarray((far < near + 0.5 * step) & ~surface.mirrored_rim.any(axis=1))
-
-
-def _of_largest(
-    result: Answer,
-    values: ContactValues,
-    largest: str,
-    share: Array,
-    elements: dict[str, Elements],
-    across: int | None,
-) -> str:
-    contact, worst = values.contact, int(np.argmax(share))
+def _of_largest(result: Answer, values: ContactValues, found: ErrorEstimate) -> str:
+    largest, across, elements = found.traction.largest, found.points_across, found.elements
+    contact, worst = values.contact, int(np.argmax(found.indicator))
     name = contact.secondary.label
     at = "(" + ", ".join(f"{x:.3g}" for x in values.points[worst]) + ")"
     if largest == "edges":

@@ -27,7 +27,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import Array, Index, Mask, tangents
+from skfem_contact.arrays import Array, Index, Mask, across, sizes, tangents, unit_vectors
 from skfem_contact.bodies.facet_kinds import positive_functions
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.digits import COMPUTED, GIVEN
@@ -172,9 +172,7 @@ def simplex_areas(surface: ContactSurface) -> Array:
     """Areas of the pieces or triangles of all facets, which add up to the facets', (t,)."""
     corners, d, measure = surface.kind.simplices, surface.dim, surface.body.measure
     x = with_centres(surface, surface.points)[:, corners].reshape(-1, d, d)
-    side = x[:, 1:] - x[:, :1]
-    across = side[:, 0] if surface.dim == 2 else 0.5 * np.cross(side[:, 0], side[:, 1])
-    area = np.linalg.norm(across, axis=1)
+    area = sizes(across(x[:, 1:] - x[:, :1])) / (d - 1)
     whole = weighed_areas(surface)
     if measure is not None:
         at = with_centres(surface, surface.measured_at)[:, corners].reshape(-1, d, d)
@@ -235,14 +233,13 @@ def _continued(
     fit, enough = least_squares(plane, weight, h[node], row, len(here))
     # only what lies ahead, within 45 degrees: on the far side of a small contact h falls again;
     # where the edge is round so is h: a parabola along the edge
-    slope = fit[row, 1:]
-    slope /= np.maximum(np.linalg.norm(slope, axis=1), np.finfo(float).tiny)[:, None]
+    slope = unit_vectors(fit[row, 1:])
     ahead = np.einsum("pk,pk->p", along, slope)
-    across = np.linalg.norm(along - ahead[:, None] * slope, axis=1)
+    aside = np.linalg.norm(along - ahead[:, None] * slope, axis=1)
     # points of regular faces lie at 45 degrees to the slope: round-off must not choose among them
-    weight = np.where(ahead > (1.0 - GIVEN) * across, weight, 0.0)
+    weight = np.where(ahead > (1.0 - GIVEN) * aside, weight, 0.0)
     straight, some = least_squares(plane, weight, h[node], row, len(here))
-    parabola = np.column_stack([plane, across**2])
+    parabola = np.column_stack([plane, aside**2])
     bent, more = least_squares(parabola, weight, h[node], row, len(here))
     at = np.where(more, bent[:, 0], np.where(some, straight[:, 0], fit[:, 0]))
     return at, some, enough

@@ -55,7 +55,7 @@ from skfem_contact.answers.fields import (
     with_centres,
 )
 from skfem_contact.answers.validity.deformed_boundaries import Boundary
-from skfem_contact.answers.values import ContactValues, Three, relative
+from skfem_contact.answers.values import ContactValues
 from skfem_contact.arrays import Array, Index, Mask, tangents
 from skfem_contact.bodies.facet_kinds import kind_of, tributary_areas
 from skfem_contact.bodies.normal_field import sizes_and_normals, twin_edges
@@ -95,7 +95,7 @@ class SurfaceError:
         self.rim = self.closed & self.net.beside(~self.closed)
         self.at_rim = np.asarray(self.rim[surface.facets].any(axis=1))
 
-    def __call__(self, traction: Array) -> tuple[Three, Array]:
+    def __call__(self, traction: Array) -> tuple[tuple[float, float, float], Array]:
         """By edges, facets and scatter over the norm of a traction (m, k); the share of each point."""
         surface, net, closed, rim = self.surface, self.net, self.closed, self.rim
         area = surface.area
@@ -113,7 +113,12 @@ class SurfaceError:
             of_facets = between(surface, net, smooth & closed[surface.facets].any(axis=1), traction)
             left_out = near_ends(net, ends | rim)
             scattered, told = area * scatter(net, first, left_out), not left_out[closed].all()
-        (edges, facets, jumps), share = relative(of_edges, of_facets, scattered, size)
+        parts = of_edges, of_facets, scattered
+        total = of_edges + of_facets + scattered
+        share = total / total.sum() if total.sum() > SOLVED**2 * size else np.zeros(len(total))
+        edges, facets, jumps = (
+            float(np.sqrt(part.sum() / size)) if size > 0 else 0.0 for part in parts
+        )
         return (edges, facets, np.nan if self.unlike and not told else jumps), share
 
     def _ripple(self, traction: Array, ends: Mask) -> tuple[Array, bool]:

@@ -53,7 +53,7 @@ from scipy.linalg import LinAlgError
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from skfem_contact.answers.answer import Answer
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, lengths, unit_vectors
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import Coulomb, Tresca
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
@@ -410,24 +410,16 @@ def critical_friction(space: PointSpace, status: Index, friction: Array, G: Arra
     able = np.isfinite(friction) & (space.normal_rows >= 0) & exists.any(axis=1)  # gap and slip change
     soft = (status != OPEN) & able & np.isfinite(G)
     free, A = _unheld(space, status == OPEN, soft, _isotropic(space, G))
-    place = np.full(len(space.S), -1)
-    place[free] = np.arange(len(free))
     W = _factors(A).inverse()
-    coupling = W @ space.S[free]  # of free rows to all others
-    out = np.where(able, np.inf, np.nan)
+    out, closed = np.where(able, np.inf, np.nan), status != OPEN
     for has in product((True, False), repeat=exists.shape[1]):
-        columns = np.flatnonzero(has)
         mine = able & (exists == np.array(has)).all(axis=1)
-        for some, stiffness in (
-            (status == OPEN, _open),
-            (soft, _soft),
-            ((status != OPEN) & ~soft, _stuck),
-        ):
+        kinds = {(True, True): ~closed, (False, True): soft, (False, False): closed & ~soft}
+        for is_free, some in kinds.items():
             chosen = np.flatnonzero(mine & some)
             if len(chosen):
-                n, t = space.normal_rows[chosen], space.tangential_rows[chosen][:, columns]
-                met = stiffness(Free(space.S, free, place, W, coupling), n, t, G[chosen])
-                out[chosen] = _least(*met)
+                rows = space.normal_rows[chosen], space.tangential_rows[chosen][:, has]
+                out[chosen] = _least(*_met(space.S, free, W, *rows, is_free, G[chosen]))
     return out
 
 
@@ -455,14 +447,12 @@ def orientation(
     free, J = _unheld(space, status == OPEN, soft | slips, held_by)
     _factors(J)  # what follows has a meaning only where the bodies are held
     size = np.sqrt(np.diag(J))
-    length = np.linalg.norm(tangential_force, axis=1)
+    push = friction[:, None] * unit_vectors(tangential_force)
     coupled = slips & (friction > 0) & (space.normal_rows >= 0)
     for k in range(t.shape[1]):
         on = coupled & (t[:, k] >= 0)
-        push = friction[on] * tangential_force[on, k] / np.where(length[on] > 0, length[on], 1.0)
-        J[np.searchsorted(free, t[on, k])] += (
-            push[:, None] * space.S[np.ix_(space.normal_rows[on], free)]
-        )
+        rows = space.S[np.ix_(space.normal_rows[on], free)]
+        J[np.searchsorted(free, t[on, k])] += push[on, k, None] * rows
     J /= size
     J /= size[:, None]
     try:
@@ -490,8 +480,7 @@ def turning_springs(tangential_force: Array, slip: Array, G: Array, space: Point
     m, t = tangential_force.shape
     if t == 1:
         return np.zeros((m, 1, 1))
-    force, moved = np.linalg.norm(tangential_force, axis=1), np.linalg.norm(slip, axis=1)
-    d = tangential_force / np.where(force > 0, force, 1.0)[:, None]
+    force, moved, d = lengths(tangential_force), lengths(slip), unit_vectors(tangential_force)
     across = np.eye(t) - d[:, :, None] * d[:, None, :]
     gives = np.divide(moved, force, out=np.full(m, np.inf), where=force > 0) + 1.0 / G
     least = SOLVED / np.max(np.diag(space.S))  # a spring as stiff as that is as good as sticking
@@ -499,70 +488,44 @@ def turning_springs(tangential_force: Array, slip: Array, G: Array, space: Point
     return np.asarray(c[:, None, None] * across)
 
 
-@dataclass(frozen=True, eq=False)
-class Free:
-    """The rows that are free: their numbers, places (-1: held), compliance W, and W S."""
+def _met(
+    S: Array, free: Index, W: Array, n: Index, t: Index, is_free: tuple[bool, bool], G: Array
+) -> tuple[Array, Array, Array]:
+    """Stiffness that points meet along their slips, and between these and the gap; and its scale.
 
-    S: Array
-    rows: Index
-    place: Index
-    W: Array
-    coupling: Array
-
-
-#: Stiffness that points meet, along their slips (p, c, c) and between them and the gap (p, c), the
-#: second over the first (p, c), and what they are measured by (p,).
-Met = tuple[Array, Array, Array, Array]
-
-
-def _open(free: Free, n: Index, t: Index, _: Array) -> Met:
-    i, j = free.place[n], free.place[t]
-    W_nn, W_tn = free.W[i, i], free.W[j, i[:, None]]
-    W_tt = free.W[j[:, :, None], j[:, None, :]]
-    over = -W_tn / W_nn[:, None]
-    K = np.linalg.inv(W_tt + over[:, :, None] * W_tn[:, None, :]).astype(float)
-    k = np.einsum("pij,pj->pi", K, over)
-    return K, k, over, np.reciprocal(np.einsum("pii->p", W_tt))
-
-
-def _soft(free: Free, n: Index, t: Index, G: Array) -> Met:
-    j = free.place[t]
-    met = np.linalg.inv(free.W[j[:, :, None], j[:, None, :]]).astype(float)
-    K = met - G[:, None, None] * np.eye(t.shape[1])
-    k = np.einsum("pij,pj->pi", met, free.coupling[j, n[:, None]])
-    return K, k, _over(K, k), np.einsum("pii->p", met)
+    Of shapes (p, c, c), (p, c) and (p,), beside free rows of the compliance W. `is_free` says whether
+    gaps are among these, and slips, which springs G then hold.
+    """
+    if is_free[0]:
+        r = np.searchsorted(free, np.column_stack([n, t]))
+        whole = np.linalg.inv(W[r[:, :, None], r[:, None]])
+        K, k = whole[:, 1:, 1:], whole[:, 1:, 0]
+        terms = K
+    elif is_free[1]:
+        r = np.searchsorted(free, t)
+        terms = np.linalg.inv(W[r[:, :, None], r[:, None]])
+        K = terms - G[:, None, None] * np.eye(t.shape[1])
+        k = np.einsum("pij,pjf,fp->pi", terms, W[r], S[np.ix_(free, n)], optimize=True)
+    else:
+        terms, beside = S[t[:, :, None], t[:, None]], S[free][:, t]  # (free, p, c)
+        follows = np.tensordot(W, beside, axes=1)
+        K = terms - np.einsum("fpi,fpj->pij", beside, follows)
+        k = S[t, n[:, None]] - np.einsum("fp,fpi->pi", S[np.ix_(free, n)], follows)
+    return np.asarray(K, dtype=float), np.asarray(k, dtype=float), np.einsum("pii->p", terms)
 
 
-def _stuck(free: Free, n: Index, t: Index, _: Array) -> Met:
-    S = free.S
-    K = S[t[:, :, None], t[:, None, :]]
-    follows = free.coupling[:, t]  # (free, p, c)
-    K = K - np.einsum("fpi,fpj->pij", S[free.rows][:, t], follows)
-    k = S[t, n[:, None]] - np.einsum("fp,fpi->pi", S[np.ix_(free.rows, n)], follows)
-    return K, k, _over(K, k), np.einsum("pii->p", S[t[:, :, None], t[:, None, :]])
-
-
-def _over(K: Array, k: Array) -> Array:
-    """``K^-1 k``; K is of points that something holds, or of no use."""
-    good = np.linalg.eigvalsh(K)[:, 0] > 0
-    return np.asarray(
-        np.linalg.solve(np.where(good[:, None, None], K, np.eye(K.shape[1])), k[..., None])
-    )[..., 0]
-
-
-def _least(K: Array, k: Array, over: Array, scale: Array) -> Array:
+def _least(K: Array, k: Array, scale: Array) -> Array:
     """The critical coefficient; infinite without coupling, or where nothing but this point holds."""
     held = np.linalg.eigvalsh(K)[:, 0] > SOLVED * scale
     clear = held & (np.linalg.norm(k, axis=1) > COMPUTED * scale)
-    found = 1.0 / np.linalg.norm(over[clear], axis=1)
+    out, K, k = np.full(len(k), np.inf), K[clear], k[clear]
+    out[clear] = 1.0 / np.linalg.norm(np.linalg.solve(K, k[..., None])[..., 0], axis=1)
     if k.shape[1] == 2:  # at any of many directions it is sufficient: the least of them, nearly
         angle = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
         d = np.column_stack([np.cos(angle), np.sin(angle)])
-        along = np.einsum("qi,pij,qj->pq", d, K[clear], d, optimize=True)
+        along = np.einsum("qi,pij,qj->pq", d, K, d, optimize=True)
         with np.errstate(divide="ignore"):  # along a direction across the coupling
-            found = np.minimum(found, np.min(along / np.abs(k[clear] @ d.T), axis=1))
-    out = np.full(len(k), np.inf)
-    out[clear] = found
+            out[clear] = np.minimum(out[clear], np.min(along / np.abs(k @ d.T), axis=1))
     return out
 
 

@@ -391,7 +391,10 @@ def contact_lines(values: ContactValues, estimate: bool) -> list[str]:
         where = written(values.points[values.heir[peak]])  # not beyond an edge, see `pressure`
         if size[peak] > 0 or contact.separation:
             lines.append(f"  {f'largest {what}':<24s} {size[peak]:.6g} at {where}")
-        lines += _tension_lines(values)
+        lowest = int(np.argmin(values.pressure))
+        if not (contact.tied or contact.separation) and values.pressure[lowest] < 0:
+            where = written(values.points[lowest])
+            lines.append(f"  largest tension          {-values.pressure[lowest]:.6g} at {where}")
     if contact.friction is not None:
         lines += _friction_lines(values)
     if values.worn_volume:
@@ -404,15 +407,6 @@ def contact_lines(values: ContactValues, estimate: bool) -> list[str]:
     if len(open_gaps):
         lines.append(f"  smallest open gap        {open_gaps.min():.6g}")
     return lines
-
-
-def _tension_lines(values: ContactValues) -> list[str]:
-    """The largest tension of contact without separation, where there is any."""
-    lowest = int(np.argmin(values.pressure))
-    if values.contact.tied or values.contact.separation or values.pressure[lowest] >= 0:
-        return []
-    where = written(values.points[lowest])
-    return [f"  largest tension          {-values.pressure[lowest]:.6g} at {where}"]
 
 
 def _friction_lines(values: ContactValues) -> list[str]:
@@ -456,7 +450,6 @@ def _share(part: float, whole: float) -> str:
 
 
 Elements = tuple[NDArray[np.intp], Array]
-Three = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -585,24 +578,6 @@ def percent(share: float) -> str:
     if np.isnan(share):
         return "not known"
     return f"{100 * share:.2g} %" if share > SOLVED else "0 %"
-
-
-def relative(edges: Array, facets: Array, scatter: Array, size: float) -> tuple[Three, Array]:
-    """Norms of three squared errors over points, relative to a norm; the share of each point.
-
-    Parameters
-    ----------
-    edges, facets, scatter : ndarray, shape (m,)
-        Squares of the errors.
-    size : float
-        Of the traction, squared.
-    """
-    total = edges + facets + scatter
-    share = total / total.sum() if total.sum() > SOLVED**2 * size else np.zeros(len(total))
-    norms = [
-        float(np.sqrt(part.sum() / size)) if size > 0 else 0.0 for part in (edges, facets, scatter)
-    ]
-    return (norms[0], norms[1], norms[2]), share
 
 
 class _Its(property):

@@ -126,17 +126,6 @@ def colour_bar(ax: Any, image: Any, label: str, **where: Any) -> None:
     ax.figure.colorbar(image, ax=ax, label=label, ticks=[low] if same else None, **where)
 
 
-def short_numbers(ax: Any) -> None:
-    """A few round numbers at both axes, with a common power of ten where they are small or large."""
-    from matplotlib.ticker import MaxNLocator, ScalarFormatter  # optional, and slow to import
-
-    for axis in (ax.xaxis, ax.yaxis):
-        if isinstance(axis.get_major_formatter(), ScalarFormatter):  # not those of the user's axes
-            axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
-            axis.get_major_formatter().set_powerlimits((-3, 5))
-            axis.get_major_formatter().set_useMathText(True)
-
-
 def which(result: ContactResult, contact: Contact | str | int | None) -> int:
     """The number of a contact, which may be left out where there is one."""
     if contact is not None:
@@ -188,14 +177,10 @@ def arrow_heads(size: Array, longest: float, most: int) -> Index:
 
 def draw_lines(ax: Any, points: Array, lines: Index, size: float) -> None:
     """An obstacle in the plane, with strokes on the side of the solid; `size`: of the picture."""
-    from matplotlib.collections import LineCollection  # optional, and slow to import
-
     if not len(lines):
         return
     ends = points[lines]
-    ax.add_collection(
-        LineCollection(list(ends), colors=LINES, linewidths=1.2, zorder=2.5, gid="obstacle")
-    )
+    add_lines(ax, ends, colors=LINES, linewidths=1.2, zorder=2.5, gid="obstacle")
     along = ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(along, axis=1)
     stop = np.cumsum(length)
@@ -206,15 +191,15 @@ def draw_lines(ax: Any, points: Array, lines: Index, size: float) -> None:
     start = ends[k, 0] + (places - stop[k] + length[k])[:, None] * unit
     left = np.column_stack([-unit[:, 1], unit[:, 0]])
     stroke = apart / np.sqrt(2) * (left - unit)
-    ax.add_collection(
-        LineCollection(
-            list(np.stack([start, start + stroke], axis=1)),
-            colors=TOOL,
-            linewidths=0.7,
-            zorder=2.4,
-            gid="obstacle strokes",
-        )
-    )
+    strokes = np.stack([start, start + stroke], axis=1)
+    add_lines(ax, strokes, colors=TOOL, linewidths=0.7, zorder=2.4, gid="obstacle strokes")
+
+
+def add_lines(ax: Any, lines: Array, **style: Any) -> None:
+    """Lines (s, 2, 2) of one style."""
+    from matplotlib.collections import LineCollection  # optional, and slow to import
+
+    ax.add_collection(LineCollection(list(lines), **style))
 
 
 def _pyplot() -> Any:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.arguments import check_switch, known_keywords, members, numbers
@@ -24,6 +24,7 @@ from skfem_contact.output.drawing import (
     PLAIN,
     Box,
     View,
+    add_lines,
     arc_length,
     arrow_heads,
     colour_bar,
@@ -213,7 +214,7 @@ def colour_name(stress: OneStress | None, component: str | None, units: Mapping[
 
 def _draw_cells(ax: Any, result: ContactResult, seen: View, values: list[Array], cmap: str) -> Any:
     """The bodies with their colours and outlines."""
-    from matplotlib.collections import LineCollection, PolyCollection  # optional, and slow to import
+    from matplotlib.collections import PolyCollection  # optional, and slow to import
 
     low, high = limits(values)
     image = None
@@ -227,8 +228,7 @@ def _draw_cells(ax: Any, result: ContactResult, seen: View, values: list[Array],
             image = ax.tripcolor(*x, triangles, colour, shading="gouraud", **style)
         surface = body.surface(None)
         rim = surface.facets[:, surface.kind.simplices].reshape(-1, 2)
-        lines = seen.surface(result, surface)[rim]
-        ax.add_collection(LineCollection(list(lines), colors=LINES, linewidths=0.7))
+        add_lines(ax, seen.surface(result, surface)[rim], colors=LINES, linewidths=0.7)
     return image
 
 
@@ -252,7 +252,8 @@ def _arrows(ax: Any, result: ContactResult, seen: View, box: Box) -> tuple[Array
         head = place[order]
         tail = head - length * values.traction[order]
         ends.append(tail)
-        ax.plot(*_only(tail, size[order] > 0).T, color=FRICTION, lw=0.8, zorder=3)
+        torn = np.where(size[order, None] > 0, tail, np.nan)
+        ax.plot(*torn.T, color=FRICTION, lw=0.8, zorder=3)
         few = arrow_heads(size[order], peak, 60)
         ax.quiver(
             *tail[few].T, *(head - tail)[few].T, angles="xy", scale_units="xy", scale=1.0,
@@ -260,11 +261,6 @@ def _arrows(ax: Any, result: ContactResult, seen: View, box: Box) -> tuple[Array
             units="dots", zorder=3,
         )  # fmt: skip
     return np.concatenate(ends), peak
-
-
-def _only(points: Array, keep: NDArray[np.bool_]) -> Array:
-    """Points to draw a line through, torn where they are not kept."""
-    return np.where(keep[:, None], points, np.nan)
 
 
 def colours(
@@ -358,19 +354,26 @@ def scene(
         ) from None
     seen, shown = view(result, scale), _chosen(result, bodies)
     label = label or colour_name(stress, component, words)
-    values = [colours(result, body, stress, component) for body in shown]
-    parts = [body_part(result, body, seen, v) for body, v in zip(shown, values, strict=True)]
+    shades = [colours(result, body, stress, component) for body in shown]
+    parts = [body_part(result, body, seen, own) for body, own in zip(shown, shades, strict=True)]
     x = np.concatenate([part.points for part in parts])[:, : 3 if solid else 2]
     low, high = x.min(axis=0), x.max(axis=0)
     parts += tool_parts(result, seen, with_tools(result, seen, (low, high)))
     # wide labels of the last tick stay in the picture
     bar = {"title": f"{label}\n", "color": "black", "fmt": "%.3g", "width": 0.5, "position_x": 0.3}
-    plotter = plotter_of(pyvista, parts, colour_map(cmap, limits(values)), off_screen, **bar)
+    plotter = plotter_of(pyvista, parts, colour_map(cmap, limits(shades)), off_screen, **bar)
     remarks = [seen.words]
-    if arrows and solid:
-        remarks += _arrows_in_space(
-            pyvista, plotter, result, shown, seen, float(np.max(high - low)), words
-        )
+    drawn = [v for v in result if any(v.surface.body is body for body in shown)]
+    peaks = [np.linalg.norm(v.traction, axis=1).max(initial=0.0) for v in drawn]
+    if arrows and solid and any(peaks):  # the longest 8 % of the scene
+        remarks.append(f"longest arrow: {quantity(max(peaks), 'stress', words)}")
+        for values in drawn:
+            way = BESIDE * float(np.max(high - low)) / max(peaks) * values.traction
+            tails = pyvista.PolyData(seen.surface(result, values.surface) - way)
+            tails.point_data["way"] = way
+            glyphs = tails.glyph(orient="way", scale="way", factor=1.0)
+            if glyphs.n_points:  # PyVista refuses empty meshes
+                plotter.add_mesh(glyphs, color=FRICTION)
     plotter.add_text("\n".join(remarks), font_size=9, color="black")
     plotter.add_axes(color="black")
     plotter.camera_position = "iso" if solid else "xy"
@@ -390,28 +393,3 @@ def _chosen(result: ContactResult, bodies: Sequence[Member | str] | None) -> lis
     if not found:
         raise InputError(f"bodies has none with a mesh; {usage}")
     return found
-
-
-def _arrows_in_space(
-    pyvista: Any,
-    plotter: Any,
-    result: ContactResult,
-    shown: list[Any],
-    seen: View,
-    size: float,
-    units: Mapping[str, str],
-) -> list[str]:
-    """Tractions on secondary surfaces, the longest 8 % of the scene; what is to be said of them."""
-    drawn = [values for values in result if any(values.surface.body is body for body in shown)]
-    lengths = [np.linalg.norm(values.traction, axis=1) for values in drawn]
-    peak = max((float(length.max(initial=0.0)) for length in lengths), default=0.0)
-    if peak == 0.0:
-        return []
-    for values in drawn:
-        way = BESIDE * size / peak * values.traction
-        tails = pyvista.PolyData(seen.surface(result, values.surface) - way)
-        tails.point_data["way"] = way
-        glyphs = tails.glyph(orient="way", scale="way", factor=1.0)
-        if glyphs.n_points:  # PyVista refuses empty meshes
-            plotter.add_mesh(glyphs, color=FRICTION)
-    return [f"longest arrow: {quantity(peak, 'stress', units)}"]

@@ -26,6 +26,7 @@ from skfem_contact.output.drawing import (
     LINES,
     PRESSURE,
     SHADES,
+    add_lines,
     arc_length,
     arrow_heads,
     colour_bar,
@@ -217,10 +218,10 @@ def draw_contact(values: ContactValues, ax: Any, units: Mapping[str, str]) -> An
     largest = float(values.pressure.max(initial=0.0))
     part = replace(part, shaded=False)  # colours are those of the bar
     ax, image = picture([part], ax, frame, "YlGnBu", (0.0, largest), units)
-    _lines(ax, edges @ frame[:2].T, colors=LINES, linewidths=0.3, alpha=0.6)
+    add_lines(ax, edges @ frame[:2].T, colors=LINES, linewidths=0.3, alpha=0.6, zorder=3)
     if len(values.contact_edges):
         rim = values.contact_edges @ frame[:2].T
-        _lines(ax, rim, colors="black", linewidths=1.4, label="edge of contact")
+        add_lines(ax, rim, colors="black", linewidths=1.4, zorder=3, label="edge of contact")
     _states(ax, values, facing, frame, units)
     colour_bar(ax, image, labelled("pressure", "stress", units), shrink=0.7, pad=0.02)
     ax.set_title(f"{values.name}: {surface.label}, seen from the other side", fontsize="medium")
@@ -230,12 +231,6 @@ def draw_contact(values: ContactValues, ax: Any, units: Mapping[str, str]) -> An
         below = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 0.2}
         ax.legend(**below, frameon=False, fontsize="small")
     return ax
-
-
-def _lines(ax: Any, lines: Array, **style: Any) -> None:
-    from matplotlib.collections import LineCollection
-
-    ax.add_collection(LineCollection(list(lines), zorder=3, **style))
 
 
 def _states(
@@ -343,9 +338,11 @@ def plot_pairs(contacts: Sequence[Contact], ax: Any = None) -> Any:
         ax, _ = picture(parts, ax, frame_of(VIEWER, UP), "YlGnBu", (0.0, 1.0), {})
     else:
         ax = new_axes(ax, (7.0, 5.2))
-        _add(ax, whole, LINES, 0.8, 0.4)
-        for colour, both, _ in shades:
-            _add(ax, both, colour, 3.0, 0.8)
+        drawn_as = [(side, LINES, 0.8, 0.4) for side in whole]
+        drawn_as += [(side, colour, 3.0, 0.8) for colour, both, _ in shades for side in both]
+        for side, colour, width, alpha in drawn_as:
+            lines = side.points[side.facets[:, side.kind.simplices].reshape(-1, 2)]
+            add_lines(ax, lines, colors=colour, linewidths=width, alpha=alpha)
         ax.set(aspect="equal", xlabel="x", ylabel="y")
         ax.margins(0.05)
     for colour, _, name in shades:
@@ -359,12 +356,3 @@ def _part(surface: ContactSurface, colour: str, opacity: float) -> Part:
     every = np.ones(len(surface.facets), dtype=bool)
     part = faces_part(surface, every, surface.points, colour, np.zeros((0, 2, 3)))
     return replace(part, opacity=opacity)
-
-
-def _add(ax: Any, surfaces: Sequence[ContactSurface], colour: str, width: float, alpha: float) -> None:
-    """Surfaces of plane bodies as lines."""
-    from matplotlib.collections import LineCollection  # optional, and slow to import
-
-    for surface in surfaces:
-        lines = surface.points[surface.facets[:, surface.kind.simplices].reshape(-1, 2)]
-        ax.add_collection(LineCollection(list(lines), colors=colour, linewidths=width, alpha=alpha))

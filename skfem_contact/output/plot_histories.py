@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,6 @@ from skfem_contact.output.drawing import (
     SHADES,
     new_axes,
     new_figure,
-    short_numbers,
     which,
 )
 from skfem_contact.output.stress import checked_units, labelled
@@ -186,7 +186,9 @@ def plot_force(
         xlabel=labelled(f"displacement of {name} along {towards}", "length", words),
         ylabel=labelled(f"force along {towards}", "force", words),
     )
-    short_numbers(ax)
+    with suppress(AttributeError):  # matplotlib refuses other numbers, those of the user's axes
+        ax.ticklabel_format(scilimits=(-3, 5), useMathText=True)
+        ax.locator_params(nbins=6, steps=[1, 2, 2.5, 5, 10])
     ax.spines[["top", "right"]].set_visible(False)
     return ax
 

@@ -156,14 +156,10 @@ def _inside(x: Array, low: Array, high: Array) -> list[Array]:
 def _beyond(polygon: Array, height: Array) -> Array:
     """The part of a convex polygon (k, 3) where heights (k,) are not negative."""
     after, there = np.roll(height, -1), np.roll(polygon, -1, axis=0)
-    points = []
-    for i in range(len(polygon)):
-        if height[i] >= 0:
-            points.append(polygon[i])
-        if height[i] * after[i] < 0:
-            part = height[i] / (height[i] - after[i])
-            points.append(polygon[i] + part * (there[i] - polygon[i]))
-    return np.array(points).reshape(-1, 3)
+    cut = height * after < 0
+    part = np.divide(height, height - after, out=np.zeros_like(height), where=cut)
+    points = np.stack([polygon, polygon + part[:, None] * (there - polygon)], axis=1)
+    return points[np.stack([height >= 0, cut], axis=1)]
 
 
 def frame_of(viewer: Sequence[float] | Array, up: Sequence[float] | Array) -> Array:

@@ -17,17 +17,17 @@ import skfem
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix
 from skfem.assembly import BilinearForm
-from skfem.models.elasticity import lame_parameters
 
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.arguments import check_kind, known_keywords, number, numbers, shown, suggest
+from skfem_contact.arguments import check_kind, known_keywords, numbers, shown, suggest
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body, body_nodes
 from skfem_contact.bodies.inputs import SUPPORTED
 from skfem_contact.bodies.member import Member
 from skfem_contact.digits import ROUND_OFF
 from skfem_contact.errors import InputError
+from skfem_contact.materials.elastic import Elastic
 from skfem_contact.records import dataclass, sealed
 
 PLANES = ("strain", "stress", "axisymmetric")
@@ -265,14 +265,7 @@ def nodal_stress(
         raise InputError(f"plane = {shown(plane)} is not one of {PLANES}.")
     if body.components == 1:
         raise InputError(f"body {body.name!r} is a scalar problem: it has no stress tensor.")
-    E = number(
-        E, "E", "give Young's modulus > 0; bodies of several materials need a function of your own"
-    )
-    nu = number(nu, "nu", "give Poisson's ratio, -1 < nu < 0.5")
-    if not 0.0 < E < np.inf:
-        raise InputError(f"E = {E} is no modulus; it is finite and > 0.")
-    if not -1.0 < nu < 0.5:
-        raise InputError(f"nu = {nu} is no Poisson's ratio of linear elasticity; it is > -1 and < 0.5.")
+    material = Elastic(E, nu)
     values = numbers(u, "u", "take result.displacement(body)")
     if values.shape != (body.n,):
         raise InputError(
@@ -284,12 +277,10 @@ def nodal_stress(
     strain = np.zeros((len(nodal), 3, 3))
     strain[:, :d, :d] = 0.5 * (gradient + np.swapaxes(gradient, 1, 2))
     if d == 2 and plane == "stress":
-        strain[:, 2, 2] = -nu / (1.0 - nu) * (strain[:, 0, 0] + strain[:, 1, 1])
+        strain[:, 2, 2] = material.nu / (material.nu - 1.0) * (strain[:, 0, 0] + strain[:, 1, 1])
     if d == 2 and plane == "axisymmetric":
         strain[:, 2, 2] = projection.over_radius(nodal[:, 0])
-    lam, mu = lame_parameters(E, nu)
-    trace = np.trace(strain, axis1=1, axis2=2)
-    return np.asarray(2.0 * mu * strain + lam * trace[:, None, None] * np.eye(3))
+    return np.ascontiguousarray(np.moveaxis(material.hooke(np.moveaxis(strain, 0, -1)), -1, 0))
 
 
 @known_keywords()
@@ -373,14 +364,13 @@ def nodal_field(result: ContactResult, body: Member | str, field: str) -> Array:
     (25, 3, 3)
     """
     check_kind(result, ContactResult, "result", "what a solver returns")
-    own: Any = result.system.bodies[result.system.index(body)]
-    known = _known(result, own)
+    i = result.system.index(body)
+    own: Any = result.system.bodies[i]
+    name, known = result.system.names[i], _known(result, body)
     if field not in known:
-        raise InputError(
-            f"body {result.system.names[result.system.index(body)]!r} has no field {shown(field)}"
-            f"{suggest(field, known, 'fields') if known else f'; {NO_MATERIAL}'}"
-        )
-    values = result.stress(body) if field in STRESSES else result.state[known[field]][field]
+        words = suggest(field, known, "fields") if known else f"; {NO_MATERIAL}"
+        raise InputError(f"body {name!r} has no field {shown(field)}{words}")
+    values = result.stress(body) if field in STRESSES else result.state[name][field]
     nodal = Projection.of(own).of_points(own.basis, values)
     if np.min(values) >= 0.0:
         nodal = np.maximum(nodal, 0.0)
@@ -394,11 +384,11 @@ NO_MATERIAL = (
 )
 
 
-def _known(result: ContactResult, body: Any) -> dict[str, str]:
-    """Names of the fields that the material of a body knows, each with the name of the body."""
-    name = result.system.names[result.system.index(body)]
-    stresses = STRESSES if getattr(body, "material", None) is not None else ()
-    return dict.fromkeys((*stresses, *result.state.get(name, ())), name)
+def _known(result: ContactResult, body: Any) -> tuple[str, ...]:
+    """Names of the fields that the material of a body knows."""
+    i = result.system.index(body)
+    material = getattr(result.system.bodies[i], "material", None)
+    return (*(STRESSES if material is not None else ()), *result.state.get(result.system.names[i], ()))
 
 
 def field_values(result: ContactResult, body: Body, field: Stress) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 
 from skfem_contact.answers.answer import answer_of
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.arrays import Array, Index
+from skfem_contact.arrays import Array, Index, across, tangents
 from skfem_contact.conditions.state import Motion
 from skfem_contact.obstacles.obstacle import Faceted, Obstacle
 from skfem_contact.obstacles.rigid_body import RigidBody
@@ -114,9 +114,8 @@ def _(obstacle: RigidPlane, low: Array, high: Array) -> tuple[Array, Index]:
     if len(normal) == 2:
         along = np.array([normal[1], -normal[0]])  # the solid is on its right, so go back
         return foot + reach * np.array([[1.0], [-1.0]]) * along, np.array([[0, 1]])
-    across = _perpendicular(normal)
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * reach
-    return foot + corners @ across, np.array([[0, 1, 2], [0, 2, 3]])
+    return foot + corners @ tangents(normal[None])[0], np.array([[0, 1, 2], [0, 2, 3]])
 
 
 @outline.register
@@ -130,13 +129,13 @@ def _(obstacle: RigidSphere, low: Array, high: Array) -> tuple[Array, Index]:
 def _(obstacle: RigidCylinder, low: Array, high: Array) -> tuple[Array, Index]:
     if obstacle.axis is None:
         return _arc(obstacle.centre, obstacle.radius, obstacle.hollow, low, high)
-    axis, across = obstacle.axis, _perpendicular(obstacle.axis)
+    axis, ways = obstacle.axis, tangents(obstacle.axis[None])[0]
     corners = np.stack(np.meshgrid(*np.column_stack([low, high])), axis=-1).reshape(-1, 3)
-    flat = (corners - obstacle.centre) @ across.T
+    flat = (corners - obstacle.centre) @ ways.T
     ring, _ = _arc(np.zeros(2), obstacle.radius, False, flat.min(axis=0), flat.max(axis=0))
     height = (corners - obstacle.centre) @ axis
     n, room = len(ring), BESIDE * float(np.linalg.norm(high - low))
-    points = obstacle.centre + np.tile(ring @ across, (2, 1))
+    points = obstacle.centre + np.tile(ring @ ways, (2, 1))
     points += np.repeat([height.min() - room, height.max() + room], n)[:, None] * axis
     i = np.arange(n - 1)
     triangles = np.concatenate([np.stack([i, i + 1, i + n], 1), np.stack([i + 1, i + n + 1, i + n], 1)])
@@ -180,9 +179,9 @@ def _arc(centre: Array, radius: float, hollow: bool, low: Array, high: Array) ->
 def _cap(centre: Array, radius: float, hollow: bool, low: Array, high: Array) -> tuple[Array, Index]:
     """A sphere, or what of it is near a box: rings about the direction towards it."""
     away, angle = _reach(centre, radius, low, high)
-    across, n, rings = _perpendicular(away), 60, 30
+    n, rings = 60, 30
     turn, tilt = np.arange(n) * 2 * np.pi / n, np.linspace(0, angle, rings + 1)
-    flat = np.column_stack([np.cos(turn), np.sin(turn)]) @ across
+    flat = np.column_stack([np.cos(turn), np.sin(turn)]) @ tangents(away[None])[0]
     points = centre + radius * (
         np.cos(tilt)[:, None, None] * away + np.sin(tilt)[:, None, None] * flat
     ).reshape(-1, 3)
@@ -193,13 +192,6 @@ def _cap(centre: Array, radius: float, hollow: bool, low: Array, high: Array) ->
     area = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
     triangles = triangles[area > 1e-9 * area.max()]  # those at the pole have none
     return points, triangles[:, ::-1] if hollow else triangles
-
-
-def _perpendicular(axis: Array) -> Array:
-    """Two directions (2, 3) that make a right-handed frame with an axis behind them."""
-    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(axis, first)])
 
 
 def zero_lines(function: Callable[[Array], Array], axes: Sequence[Array]) -> tuple[Array, Index]:
@@ -256,8 +248,7 @@ def zeros(function: Callable[[Array], Array], axes: Sequence[Array]) -> tuple[Ar
         for third in ((i, b), (j, a)):
             add((count == 2) & inside[:, i] & inside[:, j], [(i, a), third, (j, b)])
     pieces, way = np.concatenate(found), np.concatenate(ways)
-    along = np.swapaxes(pieces[:, 1:] - pieces[:, :1], 0, 1)
-    normal = np.cross(*along) if d == 3 else along[0][:, ::-1] * (1.0, -1.0)
+    normal = across(pieces[:, 1:] - pieces[:, :1])
     turned = np.einsum("td,td->t", normal, way) < 0
     pieces[turned] = pieces[turned][:, ::-1]
     pieces = pieces[np.any(normal != 0, axis=1)]
@@ -279,25 +270,14 @@ def _on_simplices(function: Callable[[Array], Array], axes: Sequence[Array]) -> 
     number = np.arange(values.size).reshape(values.shape)
     corners = []
     for order in permutations(range(d)):  # Kuhn's simplices: from one corner to the opposite one
-        at, ways = np.zeros(d, dtype=int), [np.zeros(d, dtype=int)]
-        for axis in order:
-            at = at + np.eye(d, dtype=int)[axis]
-            ways.append(at)
-        shifted = [_shifted(number, way) for way in ways]
+        steps = np.eye(d, dtype=int)[list(order)]
+        ways = np.concatenate([0 * steps[:1], np.cumsum(steps, axis=0)])
+        shifted = [number[tuple(slice(s, s - 1 or None) for s in way)].ravel() for way in ways]
         corners.append(np.stack(shifted, axis=1))
     cells = np.concatenate(corners)
     signs, known = values.ravel()[cells] < 0, np.isfinite(values.ravel()[cells]).all(axis=1)
     cells = cells[signs.any(axis=1) & ~signs.all(axis=1) & known]
     return values.ravel()[cells], grid.reshape(d, -1).T[cells]
-
-
-def _shifted(number: Index, way: Index) -> Index:
-    """Numbers of the grid's nodes that are one step along some axes from the first of every cell."""
-    for axis, step in enumerate(way):
-        number = np.moveaxis(
-            np.moveaxis(number, axis, 0)[step : number.shape[axis] - 1 + step], 0, axis
-        )
-    return number.ravel()
 
 
 def _crossing(values: Array, x: Array, i: int, j: int) -> Array:

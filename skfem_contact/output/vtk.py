@@ -13,7 +13,7 @@ import sys
 import zlib
 from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -22,12 +22,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.answers.values import ContactValues
 from skfem_contact.arguments import check_kind, file_path, known_keywords, number, numbers, shown
 from skfem_contact.arrays import Array
 from skfem_contact.bodies.body import Body, body_nodes
 from skfem_contact.bodies.facet_kinds import KINDS
-from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.errors import InputError
 from skfem_contact.output.drawing import View
 from skfem_contact.output.stress import (
@@ -45,6 +43,8 @@ from skfem_contact.output.tools import tools
 from skfem_contact.records import dataclass
 
 EXTENSIONS = (".vtu", ".vtk")
+#: Number, name, points (p, d), kind and nodes of cells, and data of points.
+Part = tuple[int, str, Array, tuple[str, NDArray[Any]], dict[str, Array]]
 Fields = Stress | Sequence[Stress] | Mapping[str, Stress]
 
 #: Numbers of VTK's cells by their names in meshio; those of facets are in `KINDS`.
@@ -146,19 +146,22 @@ def write(
         time = number(time, "time", "give one number")
     result = displaced(result, u)
     path.parent.mkdir(parents=True, exist_ok=True)
-    bodies, contacts, obstacles = _files(path)
-    _write(bodies, with_time(bodies_grid(result, stress, words), result, time))
-    _write(contacts, with_time(contact_grid(result, words), result, time))
-    grid = obstacles_grid(result, words)
-    if grid is not None:
-        _write(obstacles, with_time(grid, result, time))
-    return bodies, contacts
+    files = _files(path)
+    grids = (
+        bodies_grid(result, stress, words),
+        contact_grid(result, words),
+        obstacles_grid(result, words),
+    )
+    for file, grid in zip(files, grids, strict=True):
+        if grid is not None:
+            _write(file, with_time(grid, result, time))
+    return files[0], files[1]
 
 
-def _files(path: Path) -> tuple[Path, Path, Path]:
+def _files(path: Path) -> list[Path]:
+    """Of bodies, contacts and obstacles."""
     ends = ("", "_contact", "_obstacles")
-    bodies, contacts, obstacles = (path.with_name(f"{path.stem}{end}{path.suffix}") for end in ends)
-    return bodies, contacts, obstacles
+    return [path.with_name(f"{path.stem}{end}{path.suffix}") for end in ends]
 
 
 def _write(path: Path, grid: Grid) -> None:
@@ -167,10 +170,9 @@ def _write(path: Path, grid: Grid) -> None:
         return
     import meshio  # takes as long to import as all else together, and only these files need it
 
-    kinds, cuts = [kind for kind, _ in grid.cells], np.cumsum([len(c) for _, c in grid.cells])[:-1]
-    cells = [(kind, nodes) for kind, (_, nodes) in zip(kinds, grid.cells, strict=True)]
+    cuts = np.cumsum([len(c) for _, c in grid.cells])[:-1]
     data = {name: np.split(values, cuts) for name, values in grid.cell_data.items()}
-    meshio.Mesh(grid.points, cells, dict(grid.point_data), data).write(path)
+    meshio.Mesh(grid.points, list(grid.cells), dict(grid.point_data), data).write(path)
 
 
 @known_keywords()
@@ -290,107 +292,76 @@ def with_time(grid: Grid, result: ContactResult, time: float | None) -> Grid:
         time = result.factor
     if time is not None:
         known["TimeValue"] = float(time)
-    return Grid(grid.points, grid.cells, grid.point_data, grid.cell_data, known, grid.units)
+    return replace(grid, field_data=known)
 
 
 def bodies_grid(result: ContactResult, stress: Fields | None, units: Mapping[str, str]) -> Grid:
     """All bodies as one grid; coincident nodes are never merged."""
-    points, cells, numbers, values = [], [], [], []
-    fields: dict[str, list[Array]] = {}
-    names: dict[str, float] = {}
-    start, system, wanted = 0, result.system, asked(stress)
-    for i, (body, name) in enumerate(zip(system.bodies, system.names, strict=True)):
+    parts, wanted = list[Part](), asked(stress)
+    for i, (body, name) in enumerate(zip(result.system.bodies, result.system.names, strict=True)):
         if not isinstance(body, Body):  # rigid bodies have no mesh
             continue
-        nodes, (kind, table) = body_nodes(body), body_cells(body)
-        u = result.displacement(body)
-        points.append(three(body.dof_points[nodes[:, 0]]))
-        values.append(u[nodes])
-        cells.append((kind, table + start))
-        numbers.append(np.full(len(table), i + 1, dtype=np.int32))
-        names[f"body {i + 1}: {name}"] = i + 1
-        for key, wish in wanted.items():
-            fields.setdefault(key, []).append(as_columns(field_values(result, body, wish)))
-        start += len(nodes)
-    moved = np.concatenate(values)
-    data = {"u": moved[:, 0]} if moved.shape[1] == 1 else {"displacement": three(moved)}
-    for key, parts in fields.items():
-        if len({part.shape[1:] for part in parts}) > 1:
-            raise InputError(f"stress {key!r} is a number for some bodies and a tensor for others")
-        data[f"{key}_given" if key in data else key] = np.concatenate(parts)
-    of_fields = {key: "" if key.endswith("strain") else "stress" for key in data} | QUANTITIES
-    return _grid(points, cells, data, {"body": numbers}, names, of_fields, units)
+        nodes = body_nodes(body)
+        data = _moved(result.displacement(body)[nodes])
+        fields = {key: as_columns(field_values(result, body, wish)) for key, wish in wanted.items()}
+        data |= {f"{key}_given" if key in data else key: own for key, own in fields.items()}
+        parts.append((i + 1, name, body.dof_points[nodes[:, 0]], body_cells(body), data))
+    kinds = {key: "" if key.endswith("strain") else "stress" for key in parts[0][-1]} | QUANTITIES
+    return _grid("body", parts, kinds, units)
 
 
 def contact_grid(result: ContactResult, units: Mapping[str, str]) -> Grid:
     """The secondary surfaces of all contacts as one grid of lines (facets in 3-D)."""
-    points, cells, numbers, start = [], [], [], 0
-    columns: dict[str, list[Array]] = {}
-    for i, (contact, values) in enumerate(zip(result.contacts, result.values, strict=True)):
+    parts = list[Part]()
+    wears = any(v.contact.wear is not None or v.wear_depth.any() for v in result)
+    for i, (contact, values) in enumerate(zip(result.contacts, result, strict=True)):
         surface = contact.secondary
-        points.append(three(values.points))
-        cells.append((surface.kind.cell, surface.facets + start))
-        numbers.append(np.full(len(surface.facets), i + 1, dtype=np.int32))
-        for name, column in _point_data(values, surface, result).items():
-            columns.setdefault(name, []).append(column)
-        start += len(values.points)
-    data = {name: np.concatenate(parts) for name, parts in columns.items()}
-    names = {f"contact {i + 1}: {name}": i + 1.0 for i, name in enumerate(result.names)}
-    return _grid(points, cells, data, {"contact": numbers}, names, QUANTITIES, units)
+        data = _moved(result.displacement(surface.body)[surface.dofs])
+        data |= {"wear_depth": values.wear_depth} if wears else {}
+        data |= {
+            "pressure": values.pressure,
+            "traction": three(values.traction),
+            "normal": three(values.normal),
+            "gap": np.where(np.isfinite(values.gap), values.gap, np.nan),
+            "slip": _along(values.slip, values.tangent),
+            "status": values.status.astype(np.int32),
+            "tangential_force": _along(values.tangential_force, values.tangent),
+        }
+        parts.append((i + 1, values.name, values.points, (surface.kind.cell, surface.facets), data))
+    return _grid("contact", parts, QUANTITIES, units)
 
 
 def obstacles_grid(result: ContactResult, units: Mapping[str, str]) -> Grid | None:
     """The rigid obstacles where they were made, as lines or triangles; None where there are none."""
-    points, cells, numbers, moved, start = [], [], [], [], 0
-    names: dict[str, float] = {}
-    known = tools(result)
+    parts = list[Part]()
     box = View(1.0, np.zeros(1)).box(result)  # everything where it is
-    for i, tool in enumerate(known):
+    for i, tool in enumerate(tools(result)):
         x, table = tool.outline(*box)
-        if not len(table):
-            continue
-        points.append(three(x))
-        moved.append(three(tool.motion.shift(x)))
-        cells.append(("line" if x.shape[1] == 2 else "triangle", table + start))
-        numbers.append(np.full(len(table), i + 1, dtype=np.int32))
-        names[f"obstacle {i + 1}: {tool.name}"] = i + 1
-        start += len(x)
-    if not points:
-        return None
-    data = {"displacement": np.concatenate(moved)}
-    return _grid(points, cells, data, {"obstacle": numbers}, names, QUANTITIES, units)
+        if len(table):
+            cells = "line" if x.shape[1] == 2 else "triangle", table
+            parts.append((i + 1, tool.name, x, cells, _moved(tool.motion.shift(x))))
+    return _grid("obstacle", parts, QUANTITIES, units) if parts else None
 
 
-def _grid(
-    points: list[Array],
-    cells: list[tuple[str, NDArray[np.int64]]],
-    data: dict[str, Array],
-    of_cells: dict[str, list[NDArray[Any]]],
-    names: Mapping[str, float],
-    kinds: Mapping[str, str],
-    units: Mapping[str, str],
-) -> Grid:
-    joined = {name: np.concatenate(parts) for name, parts in of_cells.items()}
+def _moved(u: Array) -> dict[str, Array]:
+    return {"u": u[:, 0]} if u.shape[1] == 1 else {"displacement": three(u)}
+
+
+def _grid(what: str, parts: Sequence[Part], kinds: Mapping[str, str], units: Mapping[str, str]) -> Grid:
+    """Parts as one grid: their numbers are in the data of cells, their names in those of the grid."""
+    numbers, names, every, tables, data = zip(*parts, strict=True)
+    starts = np.cumsum([0, *map(len, every)])
+    cells = [(kind, table + start) for (kind, table), start in zip(tables, starts, strict=False)]
+    of_points = dict[str, Array]()
+    for key in data[0]:
+        own = [known[key] for known in data]
+        if len({values.shape[1:] for values in own}) > 1:
+            raise InputError(f"stress {key!r} is a number for some bodies and a tensor for others")
+        of_points[key] = np.concatenate(own)
+    of_cells = np.repeat(np.array(numbers, dtype=np.int32), [len(table) for _, table in tables])
     known = {name: units[kind] for name, kind in kinds.items() if kind in units}
-    return Grid(np.concatenate(points), cells, data, joined, names, known)
-
-
-def _point_data(
-    values: ContactValues, surface: ContactSurface, result: ContactResult
-) -> dict[str, Array]:
-    u = result.displacement(surface.body)[surface.dofs]
-    data = {"u": u[:, 0]} if u.shape[1] == 1 else {"displacement": three(u)}
-    if any(v.contact.wear is not None or v.wear_depth.any() for v in result.values):
-        data["wear_depth"] = values.wear_depth
-    return data | {
-        "pressure": values.pressure,
-        "traction": three(values.traction),
-        "normal": three(values.normal),
-        "gap": np.where(np.isfinite(values.gap), values.gap, np.nan),
-        "slip": _along(values.slip, values.tangent),
-        "status": values.status.astype(np.int32),
-        "tangential_force": _along(values.tangential_force, values.tangent),
-    }
+    words = {f"{what} {number}: {name}": number for number, name in zip(numbers, names, strict=True)}
+    return Grid(np.concatenate([*map(three, every)]), cells, of_points, {what: of_cells}, words, known)
 
 
 def _along(components: Array, tangent: Array) -> Array:

@@ -259,7 +259,7 @@ class PETSc(Backend):
             start = time.perf_counter()
             x, how = own.solve(key, layout.vectors(b))
             seconds = time.perf_counter() - start
-            self.solves.append(share.told(how, len(b), own.size, spent, seconds, memory))
+            self.solves.append(share.told(how, len(b), spent, seconds, memory))
             spent = 0.0
             self._check(how, share.name)
             return x[layout.slot]
@@ -445,7 +445,7 @@ class DistributedFactor(BodyFactor):
         how: Solved = parts[0][-1]
         share, seconds, spent = self._share, time.perf_counter() - start, self._spent
         self._spent = 0.0
-        told = share.told(how, len(self.order), self._own.size, spent, seconds, self.memory, columns)
+        told = share.told(how, len(self.order), spent, seconds, self.memory, columns)
         self._tell(told)
         if share.factorises and (how.reason < 0 or not how.residual <= ACCEPTED):
             raise singular(-1, 0.0)

@@ -146,17 +146,29 @@ class Ranks:
         pieces : iterable of list, optional
             For each rank; only one exists at a time.
         """
-        with _Together(self, work, given):
-            mine: list[Any] = []
-            for rank, parts in enumerate(pieces or ([] for _ in range(self.size))):
-                if rank == 0:
-                    mine = parts
-                else:
-                    self.messages.send(parts, dest=rank)
-                del parts  # before there is the next
-            found = [work(self, given, mine)]
-            found += [self.messages.recv(source=rank) for rank in range(1, self.size)]
-        return found
+        mine, others = list[Any](), range(1, self.size)
+        with self.one:
+            dropped, self._dropped = self._dropped, []
+            for rank in others:
+                self.messages.send((work, given, dropped), dest=rank)
+            self.forget(dropped)
+            try:
+                for rank, parts in enumerate(pieces or ([] for _ in range(self.size))):
+                    if rank == 0:
+                        mine = parts
+                    else:
+                        self.messages.send(parts, dest=rank)
+                    del parts  # before there is the next
+                return [work(self, given, mine), *(self.messages.recv(source=rank) for rank in others)]
+            except BaseException as error:
+                if self.size > 1:  # what fails here meanwhile would leave the others waiting
+                    self.fail()
+                if not isinstance(error, self.PETSc.Error):
+                    raise
+                raise LinearSolveError(
+                    f"PETSc says what it can not do, first where and then why: {error}. Look at the "
+                    "options that you gave, by options= or -sc_... on the command line."
+                ) from error
 
     def factorize(
         self, rows: Iterable[csr_matrix], directions: Iterable[Array | None], settings: Settings
@@ -254,30 +266,6 @@ class Ranks:
         print(words, file=sys.stderr, flush=True)
         self.comm.Abort(1)
         os._exit(1)
-
-
-class _Together:
-    """Work for all ranks. What fails on rank 0 meanwhile would leave them waiting: it ends all."""
-
-    def __init__(self, own: Ranks, work: Callable[..., Any], given: tuple[Any, ...]) -> None:
-        self.own, self.work, self.given = own, work, given
-
-    def __enter__(self) -> None:
-        self.own.one.acquire()
-        dropped, self.own._dropped = self.own._dropped, []
-        for rank in range(1, self.own.size):
-            self.own.messages.send((self.work, self.given, dropped), dest=rank)
-        self.own.forget(dropped)
-
-    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
-        if error is not None and self.own.size > 1:
-            self.own.fail()
-        self.own.one.release()
-        if isinstance(error, self.own.PETSc.Error):
-            raise LinearSolveError(
-                f"PETSc says what it can not do, first where and then why: {error}. Look at the "
-                "options that you gave, by options= or -sc_... on the command line."
-            ) from error
 
 
 # -- work of every rank -----------------------------------------------------------------------

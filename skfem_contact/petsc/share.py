@@ -245,16 +245,10 @@ class Share:
         return f"{self.ksp.getType()} + {self.ksp.getPC().getType()}"
 
     def told(
-        self,
-        how: Solved,
-        unknowns: int,
-        ranks: int,
-        setup: float,
-        seconds: float,
-        memory: int,
-        columns: int = 1,
+        self, how: Solved, unknowns: int, setup: float, seconds: float, memory: int, columns: int = 1
     ) -> LinearSolve:
         """What is kept of a solve, which is logged."""
+        ranks = self.A.comm.size
         solve = LinearSolve(
             unknowns, self.name, how.iterations, how.residual, ranks, setup, seconds, memory, columns
         )

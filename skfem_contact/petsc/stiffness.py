@@ -16,14 +16,14 @@ from collections.abc import Iterator
 from typing import Any, NoReturn
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, vstack
 from scipy.sparse.csgraph import connected_components
 
 from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.member import RemoteStiffness
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import InputError
-from skfem_contact.petsc.ranks import Ranks
+from skfem_contact.petsc.ranks import Ranks, csr_of
 from skfem_contact.records import dataclass, sealed
 
 Triples = tuple[Index, Index, Array]
@@ -117,7 +117,10 @@ class RankedStiffness(DistributedStiffness):
             mine = np.flatnonzero(place[at] == dofs) if len(place) else np.zeros(0, dtype=np.intp)
             order.append(mine)
             wanted.append([at[mine]])
-        found = whole_rows(self.own.together(_taken, (self.key,), iter(wanted)), self.shape[0])
+        taken = self.own.together(_taken, (self.key,), iter(wanted))
+        found = vstack(
+            [csr_of(part, (len(part[0]) - 1, self.shape[0])) for part in taken], format="csr"
+        )
         back = np.empty(len(dofs), dtype=np.intp)
         back[np.concatenate(order)] = np.arange(len(dofs))
         some = csr_matrix(found[back])
@@ -216,15 +219,6 @@ class Rows:
 
     def destroy(self) -> None:
         """Nothing but memory that Python gives back."""
-
-
-def whole_rows(parts: list[list[Array]], n: int) -> csr_matrix:
-    """The rows of one rank after those of the other, from what `Rows.taken` gave."""
-    lengths = np.concatenate([np.diff(indptr) for indptr, _, _ in parts])
-    indptr = np.concatenate([[0], np.cumsum(lengths)])
-    indices = np.concatenate([columns for _, columns, _ in parts])
-    data = np.concatenate([values for _, _, values in parts])
-    return csr_matrix((data, indices, indptr), shape=(len(lengths), n))
 
 
 def _times(own: Ranks, given: tuple[Any, ...], parts: list[Array]) -> list[Array]:

@@ -220,6 +220,17 @@ def test_what_is_shown_holds():
     assert worst[1::2].count(-1) >= 3
 
 
+def test_unlike_points_are_shown_as_far_as_each_alone():
+    """Nothing couples two points, one of them much stiffer: critical is the coefficient of each, 6."""
+    one, shown = np.array([[2.0, 1.0], [1.0, 3.0]]), []
+    for stiffer in (1.0, 1e4):
+        S = np.kron(np.diag([1.0, stiffer]), one)
+        space = PointSpace(S, np.array([0, 2]), np.array([[1], [3]]))
+        inf, free = np.full(2, EXACT), np.zeros(2, dtype=bool)
+        shown.append(unique_up_to(space, np.full(2, 0.5), inf, free))
+    assert 5.7 < shown[0] < 6 and shown[1] == pytest.approx(shown[0], rel=1e-3)
+
+
 def tetrahedron(mu, loop="newton", **options):
     """One element, clamped but for a corner on a plane; and the stiffness of that corner."""
     p = np.array([[0.0, 1.2, -0.6, -0.3], [0.0, 0.3, 1.1, -0.9], [0.0, 0.7, 0.5, 0.9]])

@@ -42,7 +42,6 @@ import numpy as np
 from skfem_contact.answers.validity.deformed_boundaries import PIECES
 from skfem_contact.answers.validity.validity import A_TENTH
 from skfem_contact.arrays import Array, Index, Mask, dot
-from skfem_contact.bodies.facet_kinds import FacetKind
 from skfem_contact.bodies.normal_field import BENT, of_curves
 from skfem_contact.bodies.quadrics import bowed_facets
 from skfem_contact.bodies.surface import ContactSurface, NoBody
@@ -101,7 +100,9 @@ def sagittas(
     out = _rise(others, bend)
     around = _rise(edges[:, None], bend[facets])
     if by_node and not control:
-        spread = _spread(edges, secondary.kind)
+        # the mean of x x' over corners seen from the middle, of triangles and parallelograms
+        count = {2: 4, 3: 9, 4: 8}[secondary.kind.corners]
+        spread = np.einsum("fcd,fce->fde", edges, edges) / count
         whole = [np.abs(np.einsum("fkde,fde->fk", K[facets], spread)) for K in (bend, of_primary)]
         around = np.maximum(around, 4 * np.minimum(*whole))
     np.maximum.at(out, facets, around)
@@ -155,12 +156,6 @@ def _straight(side: ContactSurface) -> Mask:
 def _rise(edges: Array, bend: Array) -> Array:
     """Largest |x' K x| of edges (..., c, d) and tensors (..., d, d)."""
     return np.abs(np.einsum("...cd,...de,...ce->...c", edges, bend, edges)).max(axis=-1)
-
-
-def _spread(edges: Array, kind: FacetKind) -> Array:
-    """Mean of ``x x'`` over corners seen from the middle, by the edges of triangles, parallelograms."""
-    count = {2: 4, 3: 9, 4: 8}[kind.corners]
-    return np.einsum("fcd,fce->fde", edges, edges) / count
 
 
 def bends(

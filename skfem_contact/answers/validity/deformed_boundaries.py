@@ -15,7 +15,17 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from skfem_contact.arrays import AT_ONCE, Array, Index, Mask, dot, off_segments, ragged
+from skfem_contact.arrays import (
+    AT_ONCE,
+    Array,
+    Index,
+    Mask,
+    across,
+    dot,
+    off_segments,
+    ragged,
+    unit_vectors,
+)
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.facet_kinds import FacetKind, area_vectors, kind_of
 from skfem_contact.bodies.normal_field import POLYGON, twin_edges
@@ -126,11 +136,7 @@ class Boundary:
     def _across(self) -> tuple[Array, Array, Array, Array]:
         """Seen along the ray: corners and bounds of the simplices; and their normals, of any length."""
         x = self.corners @ ACROSS[self.corners.shape[2]].T  # (s, d, d - 1)
-        edges = self.corners[:, 1:] - self.corners[:, :1]
-        if edges.shape[2] == 2:
-            normal = np.stack([edges[:, 0, 1], -edges[:, 0, 0]], axis=1)
-        else:
-            normal = np.cross(edges[:, 0], edges[:, 1])
+        normal = across(self.corners[:, 1:] - self.corners[:, :1])
         return x, x.min(axis=1), x.max(axis=1), normal
 
     @cached_property
@@ -246,9 +252,7 @@ def within(points: Array, box: tuple[Array, Array]) -> Mask:
 @lru_cache
 def _drawing(kind: FacetKind) -> tuple[Array | None, Index]:
     """How facets of a kind are drawn: places by their nodes, where these are not enough; simplices."""
-    if kind.dim == 1:
-        if not kind.quadratic:
-            return None, np.array([[0, 1]])
+    if kind.dim == 1 and kind.quadratic:
         at = np.linspace(0.0, 1.0, PIECES + 1)
         return kind.shapes(at[:, None])[0], np.stack([np.arange(PIECES), 1 + np.arange(PIECES)], axis=1)
     if not kind.centreless:
@@ -338,8 +342,7 @@ def sharp_edges_of(surface: ContactSurface) -> Edges:
     mesh, basis = surface.body.basis.mesh, surface.body.basis
     numbers, corners = seen_from_outside(mesh, mesh.boundary_facets())
     x = np.transpose(mesh.p[:, corners], (1, 2, 0))
-    n = area_vectors(x)
-    n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), np.finfo(float).tiny)
+    n = unit_vectors(area_vectors(x))
     twins, c = twin_edges(corners), corners.shape[1]
     face, edge = np.nonzero(twins >= 0)
     there = twins[face, edge] // c
@@ -429,9 +432,8 @@ def crossings(one: Edges, other: Edges, apart: float = 0.0) -> tuple[Array, Arra
 def _between(normals: Array, way: Array) -> NDArray[np.bool_]:
     """Return whether directions (p, 3) across edges lie between the normals (p, 2, 3) beside them."""
     first, last = normals[:, 0], normals[:, 1]
-    axis = np.cross(first, last)
     # normals that are opposite, of two lips of a slit, leave no direction between them
-    axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), np.finfo(float).tiny)
+    axis = unit_vectors(np.cross(first, last))
     begin, end = dot(np.cross(first, way), axis), dot(np.cross(way, last), axis)
     return np.asarray((begin > LEAN) & (end > LEAN) & (dot(first + last, way) > 0))
 

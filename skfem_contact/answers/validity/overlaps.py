@@ -85,14 +85,9 @@ class Overlaps:
     @cached_property
     def nodes(self) -> dict[int, BoundaryNodes]:
         """The boundaries of all bodies that are looked at, by number."""
-        bodies = {
-            self.system.index(s.body) for i in self.far + self.near for s in sides_of(self.contacts[i])
-        }
-        return {
-            b: BoundaryNodes.of(body)
-            for b, body in enumerate(self.system.bodies)
-            if b in bodies and isinstance(body, Body)
-        }
+        sides = [side for i in self.far + self.near for side in sides_of(self.contacts[i])]
+        bodies = {self.system.index(side.body): side.body for side in sides}
+        return {b: BoundaryNodes.of(body) for b, body in bodies.items() if isinstance(body, Body)}
 
     #: What is not known of them by surfaces that slide far, and by all contacts without the interior.
     beside_surfaces = cached_property(lambda self: self._beside(self.geometry.surface_dofs))

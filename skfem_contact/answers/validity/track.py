@@ -94,10 +94,6 @@ class Track:
         Points whose row is of the node that they stand for, and of no corner.
     """
 
-    facet: Array
-    room: Array
-    turns: bool
-    sagittas: Array
     unlike: Array | float
 
     def __init__(
@@ -290,7 +286,8 @@ class ContactWatch(Track):
         self.small = contact.sliding == "small"
         self.rigid, self.tool = contact.rigid, contact.rigid_body is not None
         self.of_triangles = of_triangles(contact)
-        sides = [s for s in (contact.secondary, contact.primary) if isinstance(s, ContactSurface)]
+        both = contact.secondary, contact.primary
+        self.sides = sides = [side for side in both if isinstance(side, ContactSurface)]
         self.bodies = [self.system.index(side.body) for side in sides]
         # the diagonal of K at a surface is of the order of the modulus, whatever the mesh; in 3-D
         # of half of it times the size of a face. Its mean over the axes is the same in all axes
@@ -511,14 +508,12 @@ class ContactWatch(Track):
     @cached_property
     def chords(self) -> list[float]:
         """How far what is drawn of both sides, which are bodies, stands off them [length]."""
-        sides = self.secondary, self.primary
-        return [drawn_off(side) for side in sides if isinstance(side, ContactSurface)]
+        return [drawn_off(side) for side in self.sides]
 
     @cached_property
     def edges(self) -> list[Edges]:
         """Edges of both sides, which are solids."""
-        sides = self.secondary, self.primary
-        return [sharp_edges_of(side) for side in sides if isinstance(side, ContactSurface)]
+        return [sharp_edges_of(side) for side in self.sides]
 
     def gap_added(self, result: Answer) -> Array:
         """What the user has the gaps be larger than the meshes say, (m,) [length]."""

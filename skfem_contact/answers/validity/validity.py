@@ -438,11 +438,10 @@ class Validity(NamesAttributes):
         found = [0.0]
         for part in self.contacts.values():
             found += [part.drift.worst, part.drift.sagitta_share / SAGITTA, part.excess]
-        found += [strain / A_TENTH for strain in self.strain.values()]
+        for shares in (self.strain, self.second_order, self.displacement):
+            found += [share / A_TENTH for share in shares.values()]
         found += [turn / A_TENTH for name, turn in self.rotation.items() if turn > self.strain[name]]
         found += [share / LOCKED for share in self.locking.values()]
-        found += [share / A_TENTH for share in self.second_order.values()]
-        found += [share / A_TENTH for share in self.displacement.values()]
         return float(np.nanmax(found))
 
     def __str__(self) -> str:
@@ -454,21 +453,15 @@ class Validity(NamesAttributes):
                 f"  {name}: strain {strain:.2g} where its energy is, rotation "
                 f"{self.rotation[name]:.2g} (up to {A_TENTH:g})"
             )
-        lines += [
-            f"  {name}: large displacements change {100 * share:.2g} % (up to {100 * A_TENTH:g} %)"
-            for name, share in self.displacement.items()
-            if share > 0
-        ]
-        for name, share in self.locking.items():
-            lines.append(
-                f"  {name}: neighbouring elements take back {100 * share:.2g} % of the energy (up to "
-                f"{100 * LOCKED:g} %)"
-            )
-        for name, share in self.second_order.items():
-            lines.append(
-                f"  {name}: moments of second order that are left out {100 * share:.2g} % "
-                f"(up to {100 * A_TENTH:g} %)"
-            )
+        displaced = {name: share for name, share in self.displacement.items() if share > 0}
+        for words, shares, of_what, most in (
+            ("large displacements change", displaced, "", A_TENTH),
+            ("neighbouring elements take back", self.locking, " of the energy", LOCKED),
+            ("moments of second order that are left out", self.second_order, "", A_TENTH),
+        ):
+            for name, share in shares.items():
+                found = f"{100 * share:.2g} %{of_what} (up to {100 * most:g} %)"
+                lines.append(f"  {name}: {words} {found}")
         return "\n".join(lines)
 
 
@@ -568,14 +561,15 @@ def sliding_words(drift: Drift, turning: Sequence[str] = ()) -> str:
 
 def facet_words(drift: Drift, contact: Contact | None = None) -> str:
     """Say what long facets on curves do to a light contact, at an obstacle or not, and what to do."""
+    share = f"{100 * drift.sagitta_share:.3g} % of the elastic approach of {drift.approach:.3g}"
+    how_far = f"{drift.sagitta:.3g} off each other, {share}"
     if contact is not None and isinstance(contact.primary, Obstacle):
         pieces = contact.primary.outline is not None
         shorter = (
             f", and give {contact.primary.label!r} shorter straight pieces (STL)" if pieces else ""
         )
         return (
-            f"over the length of one facet the two sides stand {drift.sagitta:.3g} off each other, "
-            f"{100 * drift.sagitta_share:.3g} % of the elastic approach of {drift.approach:.3g}: the "
+            f"over the length of one facet the two sides stand {how_far}: the "
             "contact is about as small as a facet, and what it carries depends on where the nodes are. "
             "Pressures are not resolved, and forces that follow from prescribed displacements, or the "
             f"way of a tool under a force, may be wrong by "
@@ -585,8 +579,7 @@ def facet_words(drift: Drift, contact: Contact | None = None) -> str:
     # a body rests on one facet or on the next where it is pressed in by less than what they stand out
     several = "There may be several answers, one for each facet that can carry. "
     return (
-        f"over the length of one facet the curves stand {drift.sagitta:.3g} off each other, "
-        f"{100 * drift.sagitta_share:.3g} % of the elastic approach of {drift.approach:.3g}: contact "
+        f"over the length of one facet the curves stand {how_far}: contact "
         "ends within the facets, and polygons meet elsewhere than curves do. Pressures there are not "
         "resolved, and forces that follow from prescribed displacements may be wrong by a large "
         f"factor. {several if drift.sagitta_share > 1 else ''}Refine both surfaces where they touch."
