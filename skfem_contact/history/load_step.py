@@ -1,4 +1,4 @@
-"""A load step, one attempt at it, and how far it has come."""
+"""A load step, one attempt at it, and the displacements that follow from it."""
 
 from __future__ import annotations
 
@@ -120,7 +120,8 @@ class Attempt:
     """One attempt at a load: how the loop ended, from which state, and on which pairing.
 
     `start` and `local` are the states before and after it, both along the tangents of its pairing;
-    `own_action` is where the forces act on the pairing of its answer, if that is another, (m, d).
+    `action`: where the forces act, on the pairing of its answer, (m, d). `terms`: the largest load, or
+    product of stiffness and prescribed displacement [force].
     `stateless` are shares of the bounds of points that have no state, where there are any, (m,); see
     `loops.starts.from_regularised`. `carried`: how much of the load is carried at most, where known.
     """
@@ -133,10 +134,11 @@ class Attempt:
     seen: LoadCase
     start: LocalState
     local: LocalState
+    action: Array
+    terms: float
     mismatch: float = 0.0
     failure: str = ""
     travel: float = 0.0  # of the point that slid furthest, over what is allowed
-    own_action: Array | None = None
     culprit: int = -1  # the point whose partner or way made the attempt fail
     friction: FrictionRule | None = None  # on its pairing
     stateless: Array | None = None
@@ -151,11 +153,6 @@ class Attempt:
     def state(self) -> State:
         """Return what is remembered of it."""
         return self.local.in_space(self.problem.kin)
-
-    @property
-    def action(self) -> Array:
-        """Return where the forces of the points act at its end, (m, d) [length]."""
-        return self.problem.kin.action if self.own_action is None else self.own_action
 
     @cached_property
     def plastic_slip(self) -> Array:
@@ -193,47 +190,6 @@ class Attempt:
     def stopped(self) -> bool:
         """Return whether the user's callback ended it."""
         return self.outcome.stopped
-
-
-@dataclass(eq=False)
-class Advance:
-    """The way that a load step has come, and the last attempt, which says whether it has arrived.
-
-    `energy` is the `friction_energy` of all parts together, (2, contacts).
-    `unsettled` is the last attempt whose pairing did not settle, since a part of the step was reached:
-    of smaller parts, which begin on its pairing, the loop may fail before they come to pair anew.
-    `carried` is the largest share of it that a loading machine has come to, where it did not arrive.
-    """
-
-    energy: Array
-    attempt: Attempt = field(init=False)
-    unsettled: Attempt | None = None
-    trace: list[Record] = field(default_factory=list)
-    cuts: int = 0
-    substeps: int = 1
-    carried: float | None = None
-
-    def came_to(self, attempt: Attempt, done: float, aim: float) -> bool:
-        """Whether the last attempt has arrived, at the part of the step between two shares of it."""
-        self.attempt, good = attempt, attempt.good
-        self.trace.extend(attempt.outcome.trace)
-        if good:
-            self.unsettled = None
-            if attempt.model.interface.laws:
-                self.energy += attempt.energy
-        elif attempt.culprit >= 0 and attempt.travel <= 1.0:
-            self.unsettled = attempt
-        if attempt.carried is not None:
-            self.carried = done + (aim - done) * attempt.carried.share
-        return good
-
-    @property
-    def words(self) -> str:
-        """Say what else it took, for messages: cuts of the step."""
-        if not self.cuts:
-            return ""
-        times = "once" if self.cuts == 1 else f"{self.cuts} times"
-        return f", step cut {times}, substep {self.substeps}"
 
 
 @dataclass(eq=False)
@@ -295,7 +251,7 @@ class Recovery:
         """Return what all displacements follow from."""
         if isinstance(self.found, Source):
             return self.found
-        source: Source = self.model.problem_on(None, None).source(*self.found)
+        source: Source = self.model.base.source(*self.found)
         return source
 
     def __call__(self) -> Array:
@@ -345,7 +301,7 @@ def _find_sources(some: Sequence[Recovery]) -> None:
         if not isinstance(recovery.found, Source) and "source" not in vars(recovery):
             groups.setdefault(id(recovery.model), []).append(recovery)
     for group in groups.values():
-        problem = group[0].model.problem_on(None, None)
+        problem = group[0].model.base
         sources = problem.sources([r.found for r in group if not isinstance(r.found, Source)])
         for recovery, source in zip(group, sources, strict=True):
             vars(recovery).setdefault("source", source)

@@ -59,9 +59,17 @@ from skfem_contact.errors import (
     SingularMatrix,
 )
 from skfem_contact.history.equilibrium import ARRIVED, CORNERS, EquilibriumSearch, Verdict, at_corners
-from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
+from skfem_contact.history.load_step import Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import NOISE, Stepper
-from skfem_contact.history.stepping import AIM, LONGER, WHOLE_TURN, Bisection, settled, travelled
+from skfem_contact.history.stepping import (
+    AIM,
+    LONGER,
+    WHOLE_TURN,
+    Advance,
+    Bisection,
+    settled,
+    travelled,
+)
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.linalg.multifrontal import MultifrontalCholesky
 from skfem_contact.loops.active_set import DECREASE, HALVINGS
@@ -70,6 +78,7 @@ from skfem_contact.records import copied, dataclass, sealed
 
 if TYPE_CHECKING:
     from skfem_contact.history.equilibrium import Known
+    from skfem_contact.history.neutral_equilibrium import Rest
 
 # Iterations of contact on one linearisation of bodies that are not linear, after the first of a step:
 # three took as many linearisations as an exact solution of contact each time, and two fewer of ten.
@@ -320,8 +329,8 @@ class NonlinearSearch:
         What is to be said of the answer, see `remarks`.
     recovery : Recovery
         The displacements, which are known.
-    last : EquilibriumSearch
-        For the answer of the last linear problem that was looked into.
+    settled, places
+        Of the `EquilibriumSearch` for the last linear problem that was looked into.
     """
 
     stepper: Stepper
@@ -332,7 +341,8 @@ class NonlinearSearch:
     newton: list[Iteration] = field(default_factory=list)
     remarks: dict[str, str] = field(default_factory=dict)
     recovery: Recovery = field(init=False)
-    last: EquilibriumSearch = field(init=False)
+    settled: Rest | None = None
+    places: tuple[str, ...] = ()
     _now: Reached | None = None  # the last iterate beyond `placed`, of `advance.attempt`
     _led: Attempt | None = None  # the first of a part that leads a point around a corner
 
@@ -342,7 +352,6 @@ class NonlinearSearch:
         if model.interface.wear:
             raise InputError(WEAR)
         self.advance = way = Advance(np.zeros((2, len(model.interface.names))))
-        self.last = EquilibriumSearch(self.stepper, self.step, self.start)
         self.placed = Placed.of_start(model.system, model.stiffness, self.start)
         parts = Bisection(options.max_cuts, LONGER**-options.max_cuts)
         part = self.step
@@ -499,9 +508,9 @@ class NonlinearSearch:
                 verdict = search.find()
             if verdict.reached:
                 attempt = self._ended(search.advance.attempt)
-            if not verdict.arrived:
+            if verdict is not ARRIVED:
                 raise NoAnswer(NONE_NEAR, verdict)
-            self.last, u = search, search.recovery()
+            self.settled, self.places, u = search.settled, search.places, search.recovery()
             if attempt.model is model:  # and no springs hold it
                 attempt, u = refined(attempt, u, at)
             if not usable(attempt, u):

@@ -30,7 +30,7 @@ from skfem_contact.conditions.checks import check_loads
 from skfem_contact.conditions.state import LoadCase
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError, LinearSolveError, SingularMatrix, warn
-from skfem_contact.history.equilibrium import EquilibriumSearch, Verdict
+from skfem_contact.history.equilibrium import ARRIVED, EquilibriumSearch, Verdict
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.read import StepReader
 from skfem_contact.history.stepper import Stepper
@@ -131,12 +131,12 @@ class StepSolver(ByFields):
         if not verdict.reached:
             raise verdict.error(self.stepper.loop, None)
         result = self._answer(found, verdict, time.perf_counter() - begin)
-        arrived = verdict.arrived
+        arrived = verdict is ARRIVED
         if arrived:
             # multigrid ends at a share of the load, which is large where supports move bodies far
             if model.choice.few_steps and (left := certified(result).equilibrium) > SOLVED:
                 raise LinearSolveError(f"forces are balanced to {left:.1e} of the largest")
-            leaning = second_order(found.advance.attempt) if found.last.settled is None else {}
+            leaning = second_order(found.advance.attempt) if found.settled is None else {}
             self.watch.look(result, issued, leaning)
             _tell(result, getattr(found, "remarks", {}))
         if arrived or not throw:
@@ -218,13 +218,16 @@ class StepSolver(ByFields):
         start = found.start
         if start is not None:
             before = start.dissipation_before + start.dissipation_by_contact
-        newton, good = Newton(getattr(found, "newton", ())), attempt.good
+        newton, good = Newton(getattr(found, "newton", ())), verdict is ARRIVED
         message = "" if good else attempt.reason
         if good:  # with all rounds, attempts and substeps that came before the last one
             message = converged_words(len(way.trace)) + attempt.outcome.note
             message += f" of contact, {len(newton)} of the bodies" if newton else ""
         elif verdict.free is not None:
             message = NOTHING_HOLDS
+        if way.cuts:
+            times = "once" if way.cuts == 1 else f"{way.cuts} times"
+            message += f", step cut {times}, substep {way.substeps}"
         return Answer(
             model=model,
             contacts=model.interface.contacts,
@@ -237,7 +240,7 @@ class StepSolver(ByFields):
             plastic_slip=attempt.plastic_slip,
             mismatch=attempt.mismatch,
             converged=good,
-            message=message + way.words,
+            message=message,
             trace=tuple(way.trace),
             timings={**model.timings, "loop": seconds},
             dissipation_by_contact=way.energy[0],
@@ -247,7 +250,7 @@ class StepSolver(ByFields):
             conditions=attempt.outcome.iterate.conditions,
             factor=found.step.target.factor,
             linear=model.choice.said,
-            indifferent=found.last.places,
+            indifferent=found.places,
             before=attempt.start,
             parts=way.substeps,
             springs=attempt.problem.springs is not None,

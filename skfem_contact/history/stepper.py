@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
+from operator import mul
 
 import numpy as np
 from scipy.linalg import qr
@@ -60,13 +61,9 @@ class Stepper(ByFields):
     options: Options
     barred: Mask | None = None
 
-    @property
-    def held(self) -> Stepper:
-        """Itself; where motions stay free whatever contact does, with as many DOFs held."""
-        return self._pinned or self  # kept apart: a cycle would keep the memory of the factors
-
     @cached_property
-    def _pinned(self) -> Stepper | None:
+    def pinned(self) -> Stepper | None:
+        """Where motions stay free whatever contact does, the same with as many DOFs held."""
         if not self.model.loose.shape[1]:
             return None
         return replace(self, model=self.model.with_springs(pins(self.model, self.model.loose)))
@@ -116,10 +113,11 @@ class Stepper(ByFields):
         begin = last
         if to.known is not None and to.known is not to.state:
             begin = to.known.handed_on(kin.vertex, interface.point_slices).along(kin)
-        # how far supports are moved, and what that makes of the softest body's stiffness
-        moved = max(self.model.moves(target))
-        softest = min(self.model.stiffest)  # the bodies' own K may have been replaced
-        noise = NOISE * max(target.largest_force, softest * moved)
+        # how far supports are moved, and what that makes of the softest body's stiffness; the bodies'
+        # own K may have been replaced
+        moves, stiffest = self.model.moves(target), self.model.stiffest
+        moved = max(moves)
+        noise = NOISE * max(target.largest_force, min(stiffest) * moved)
         with single_threaded:
             seen = self._seen(problem, target, last, to.before)
             counted = seen if to.origin is None else to.origin.seen(seen, kin, self.model)
@@ -146,11 +144,12 @@ class Stepper(ByFields):
             except Collision as collision:
                 raise self._contradiction(collision, problem, seen) from None
             local = self._state(step, outcome, to, problem, seen, counted)
-        strained = NOISE * max(self.model.stiffest) * moved
+        strained = NOISE * max(stiffest) * moved
         failure = "" if balanced(problem.motions, target.f, local, noise, strained) else RAN_AWAY
-        ended = outcome, self.model, problem, load, target, seen, last, local
+        ended = outcome, self.model, problem, load, target, seen, last, local, kin.action
         return Attempt(
             *ended,
+            terms=max(target.largest_force, *map(mul, stiffest, moves)),
             failure=failure,
             friction=step.friction,
             stateless=found.stateless,

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -34,7 +34,7 @@ from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, LocalState
 from skfem_contact.digits import COMPUTED, GIVEN, NEWTON_STEPS, SOLVED
 from skfem_contact.errors import SingularMatrix
-from skfem_contact.history.load_step import Advance, Attempt, LoadStep
+from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.stepper import RAN_AWAY, Stepper
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.starts import REGULARISED
@@ -69,6 +69,39 @@ WHOLE_TURN = (
 )
 
 logger = logging.getLogger("skfem_contact")
+
+
+@dataclass(eq=False)
+class Advance:
+    """The way that a load step has come, and the last attempt, which says whether it has arrived.
+
+    `energy` is the `friction_energy` of all parts together, (2, contacts).
+    `unsettled` is the last attempt whose pairing did not settle, since a part of the step was reached:
+    of smaller parts, which begin on its pairing, the loop may fail before they come to pair anew.
+    `carried` is the largest share of it that a loading machine has come to, where it did not arrive.
+    """
+
+    energy: Array
+    attempt: Attempt = field(init=False)
+    unsettled: Attempt | None = None
+    trace: list[Record] = field(default_factory=list)
+    cuts: int = 0
+    substeps: int = 1
+    carried: float | None = None
+
+    def came_to(self, attempt: Attempt, done: float, aim: float) -> bool:
+        """Whether the last attempt has arrived, at the part of the step between two shares of it."""
+        self.attempt, good = attempt, attempt.good
+        self.trace.extend(attempt.outcome.trace)
+        if good:
+            self.unsettled = None
+            if attempt.model.interface.laws:
+                self.energy += attempt.energy
+        elif attempt.culprit >= 0 and attempt.travel <= 1.0:
+            self.unsettled = attempt
+        if attempt.carried is not None:
+            self.carried = done + (aim - done) * attempt.carried.share
+        return good
 
 
 @dataclass
@@ -214,7 +247,7 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
     if step.pairing is not None:  # renewed by somebody else
         return by.attempt(step, model.problem_on(*step.pairing), start)
     if not (worn or model.geometry.follows):  # as nearly always
-        return by.attempt(step, step.workspace.borrowed(model.problem_on(None, None)), start)
+        return by.attempt(step, step.workspace.borrowed(model.base), start)
     if not interface.wear:
         return _with_depth(by, step, start, last.wear)
     depth, secant, trace = last.wear, Anderson(), list[Record]()
@@ -270,7 +303,7 @@ def on_own_pairing(by: Stepper, step: LoadStep, start: str) -> Attempt:
     model, options = by.model, by.options
     geometry, case = model.geometry, step.target
     if not geometry.follows:
-        return by.attempt(step, step.workspace.borrowed(model.problem_on(None, None)), start)
+        return by.attempt(step, step.workspace.borrowed(model.base), start)
     at = step.state.surface + step.share * step.state.trend
     u = geometry.predicted(at, case)
     problem = model.problem_on(geometry.at(u, case), u)
@@ -321,7 +354,7 @@ def settled(by: Stepper, attempt: Attempt, own: Kinematics, mismatch: float) -> 
     local = attempt.local
     gap = np.where(by.model.geometry.finite & (local.status == OPEN), own.gap0, local.gap)
     # an obstacle takes its points along without another condition, and forces act where they are now
-    attempt = replace(attempt, mismatch=mismatch, local=replace(local, gap=gap), own_action=own.action)
+    attempt = replace(attempt, mismatch=mismatch, local=replace(local, gap=gap), action=own.action)
     return travelled(by, attempt)
 
 

@@ -101,7 +101,7 @@ class LinearModel:
         """Without what is computed: elsewhere bodies are condensed when they are first asked for."""
         linear = carried(self.linear, "linear")
         known = {**vars(self), "linear": linear, "_sprung": {}, "_reuse": [], "_decided": False}
-        for made in ("_wanted", "choice", "bodies", "_base", "_for_pivoting", "for_tangents"):
+        for made in ("_wanted", "choice", "bodies", "base", "_for_pivoting", "for_tangents"):
             known.pop(made, None)
         return known | {"_undeformed": None}
 
@@ -142,7 +142,7 @@ class LinearModel:
             self.prepare()
         twin = self._like(geometry=geometry, interface=interface, motions=motions, timings=timings)
         if same and own:
-            made = vars(self).keys() & {"bodies", "_base"}
+            made = vars(self).keys() & {"bodies", "base"}
             vars(twin).update({name: vars(self)[name] for name in made})
         elif same and np.array_equal(twin._wanted, self._wanted):  # slips have other axes
             vars(twin)["bodies"] = self.bodies
@@ -233,7 +233,7 @@ class LinearModel:
         if self.geometry.follows:
             self.bodies  # noqa: B018 (made when first asked for)
         else:
-            self.problem_on(None, None)
+            self.base  # noqa: B018
 
     @once
     def bodies(self) -> AnyBodies:
@@ -291,10 +291,11 @@ class LinearModel:
 
     def problem_on(self, kin: Kinematics | None, u: Array | None) -> ContactProblem:
         """The contact problem on a pairing; without one, on that of the undeformed bodies."""
-        return self._base if kin is None else self._posed(self.bodies, kin, u)
+        return self.base if kin is None else self._posed(self.bodies, kin, u)
 
     @once
-    def _base(self) -> ContactProblem:
+    def base(self) -> ContactProblem:
+        """The contact problem on the pairing of the undeformed bodies."""
         return self._posed(self.bodies, self.kin, None)
 
     def _posed(self, bodies: AnyBodies, kin: Kinematics, u: Array | None) -> ContactProblem:
@@ -338,7 +339,7 @@ class LinearModel:
         if not self.choice.condenses:
             return None
         with single_threaded:
-            found = self.on_points(self.problem_on(None, None))
+            found = self.on_points(self.base)
         return found if isinstance(found, PointProblem) else None
 
     @cached_property
