@@ -272,7 +272,8 @@ class Recovery:
         if not self.unknowns:
             return None
         bodies = self.model.bodies
-        points = self.model.problem_on(kin if self.moved else None, None).points
+        with single_threaded:
+            points = self.model.problem_on(kin if self.moved else None, None).points
         held = isinstance(bodies, Condensed) and bodies.P.shape[1] == 0
         return None if points is None else (points, held)
 

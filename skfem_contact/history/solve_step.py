@@ -74,7 +74,7 @@ class StepSolver(ByFields):
         """The answer under these loads; see `ContactSolver.solve` for the other arguments."""
         bolts = target.bolts
         solver = self if bolts is None or not bolts.given.any() else self._loosened(bolts.given)
-        with Workspace() as workspace:
+        with Workspace() as workspace, single_threaded:
             return solver._solved(target, start, guess, callback, throw, workspace)
 
     def _loosened(self, given: Mask) -> StepSolver:
@@ -295,27 +295,26 @@ def second_order(attempt: Attempt) -> dict[str, float]:
         return {}
     problem, seen = attempt.problem, attempt.seen
     load, response = attempt.load, attempt.outcome.iterate.response
-    with single_threaded:
-        source = problem.source(load, response)
-        u = problem.surface(source, attempt.posed(seen))
-        origin = 0.0 if attempt.origin is None else attempt.origin.u
-        f, found = np.array(seen.f), dict[RigidBody, tuple[float, Array]]()
-        for body in leaning:
-            moment, arm, along = _moment(attempt, body, u + origin)
-            dofs = system.slice(body).start + body.rotations
-            f[dofs] += moment / system.extent
-            found[body] = arm, along
-        if np.array_equal(f, seen.f):
-            return {}
-        turned = attempt.posed(replace(seen, f=f))
-        again = problem.load(turned)
-        if problem.springs is not None:  # which have no strain in the answer, and are none here
-            again = problem.at_forces(again, response.normal_force, response.tangential_force)
-        try:
-            other = problem.solve(attempt.outcome.iterate.conditions, again)
-        except (SingularMatrix, LinearSolveError):
-            return {}
-        change = problem.surface(problem.source(again, other), turned) - u
+    source = problem.source(load, response)
+    u = problem.surface(source, attempt.posed(seen))
+    origin = 0.0 if attempt.origin is None else attempt.origin.u
+    f, found = np.array(seen.f), dict[RigidBody, tuple[float, Array]]()
+    for body in leaning:
+        moment, arm, along = _moment(attempt, body, u + origin)
+        dofs = system.slice(body).start + body.rotations
+        f[dofs] += moment / system.extent
+        found[body] = arm, along
+    if np.array_equal(f, seen.f):
+        return {}
+    turned = attempt.posed(replace(seen, f=f))
+    again = problem.load(turned)
+    if problem.springs is not None:  # which have no strain in the answer, and are none here
+        again = problem.at_forces(again, response.normal_force, response.tangential_force)
+    try:
+        other = problem.solve(attempt.outcome.iterate.conditions, again)
+    except (SingularMatrix, LinearSolveError):
+        return {}
+    change = problem.surface(problem.source(again, other), turned) - u
     shares = {}
     for body, (arm, along) in found.items():
         part = system.slice(body)

@@ -18,7 +18,6 @@ from skfem_contact.conditions.motions import balanced
 from skfem_contact.conditions.state import OPEN, LoadCase, LocalState, State
 from skfem_contact.errors import ConstraintError
 from skfem_contact.history.load_step import Attempt, LoadStep
-from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.loops.active_set import friction_of_prescribed_slip
 from skfem_contact.loops.driver import LOOPS, Options, Outcome, drive
 from skfem_contact.loops.multipliers import Collision
@@ -118,32 +117,31 @@ class Stepper(ByFields):
         moves, stiffest = self.model.moves(target), self.model.stiffest
         moved = max(moves)
         noise = NOISE * max(target.largest_force, min(stiffest) * moved)
-        with single_threaded:
-            seen = self._seen(problem, target, last, to.before)
-            counted = seen if to.origin is None else to.origin.seen(seen, kin, self.model)
-            load = problem.load(counted)
-            step = self._step(problem, load, last, noise, moved)
-            dense = step
-            points = self.model.on_points(problem) if start in DENSE else problem
-            if points is not problem:
-                dense = replace(step, problem=points, load=points.load(counted))
-            loop = LOOPS[self.loop]
-            limit = options.max_iterations or loop.most
-            try:
-                found = starting_values(
-                    start,
-                    begin,
-                    step,
-                    options.tolerance,
-                    self.loop,
-                    dense,
-                    lambda: points.load(self._seen(problem, to.before, last, to.before)),
-                )
-                given = step, found.guess, options.tolerance, limit, to.callback, loop.patience
-                outcome = found.ended(drive(loop.iterates, *given), dense is step or start not in DENSE)
-            except Collision as collision:
-                raise self._contradiction(collision, problem, seen) from None
-            local = self._state(step, outcome, to, problem, seen, counted)
+        seen = self._seen(problem, target, last, to.before)
+        counted = seen if to.origin is None else to.origin.seen(seen, kin, self.model)
+        load = problem.load(counted)
+        step = self._step(problem, load, last, noise, moved)
+        dense = step
+        points = self.model.on_points(problem) if start in DENSE else problem
+        if points is not problem:
+            dense = replace(step, problem=points, load=points.load(counted))
+        loop = LOOPS[self.loop]
+        limit = options.max_iterations or loop.most
+        try:
+            found = starting_values(
+                start,
+                begin,
+                step,
+                options.tolerance,
+                self.loop,
+                dense,
+                lambda: points.load(self._seen(problem, to.before, last, to.before)),
+            )
+            given = step, found.guess, options.tolerance, limit, to.callback, loop.patience
+            outcome = found.ended(drive(loop.iterates, *given), dense is step or start not in DENSE)
+        except Collision as collision:
+            raise self._contradiction(collision, problem, seen) from None
+        local = self._state(step, outcome, to, problem, seen, counted)
         strained = NOISE * max(stiffest) * moved
         failure = "" if balanced(problem.motions, target.f, local, noise, strained) else RAN_AWAY
         ended = outcome, self.model, problem, load, target, seen, last, local, kin.action

@@ -30,7 +30,7 @@ __getattr__, __dir__ = entrances(
         "dense_factors": "cholesky factorised lu nonnegative_least_squares Limits single_threaded",
         "direct": "as_linear_solver Direct FromSolver",
         "krylov": "Anderson gmres",
-        "multifrontal": "MultifrontalCholesky SurfaceResponse",
-        "fronts": "analyse dissect dissection_order factor_size find_runs",
+        "multifrontal": "find_runs MultifrontalCholesky SurfaceResponse",
+        "fronts": "analyse dissect dissection_order factor_size",
     },
 )

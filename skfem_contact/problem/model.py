@@ -230,10 +230,8 @@ class LinearModel:
 
     def prepare(self) -> None:
         """Do now what the first load step would do once."""
-        if self.geometry.follows:
-            self.bodies  # noqa: B018 (made when first asked for)
-        else:
-            self.base  # noqa: B018
+        with single_threaded:
+            self.bodies if self.geometry.follows else self.base  # noqa: B018 (made when first asked for)
 
     @once
     def bodies(self) -> AnyBodies:
@@ -308,8 +306,7 @@ class LinearModel:
         seal(kin)
         on = PosedOn(kin, motions, u, self.interface.slipping, self._prefer, independent)
         start = time.perf_counter()
-        with single_threaded:
-            problem = bodies.attach(on)
+        problem = bodies.attach(on)
         with self._lock:
             before = self.timings.get("contact problem", 0.0)
             self.timings["contact problem"] = before + time.perf_counter() - start
