@@ -22,9 +22,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import Array, Mask, block_diagonal, largest
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies import member
 from skfem_contact.bodies.system import System
 from skfem_contact.conditions.friction import Coulomb
@@ -226,7 +227,7 @@ def rigid_motions(system: System, kin: Kinematics, stiffness: Sequence[csr_matri
         free = R @ left
         peak = member.largest(free)
         blocks.append(free / np.where(peak > 0, peak, 1.0))
-    return RigidMotions(block_diagonal(blocks), kin, system)
+    return RigidMotions(block_diag(*blocks), kin, system)
 
 
 def _resistance(K: csr_matrix, R: Array) -> Array:
@@ -494,7 +495,7 @@ def balanced(
     left = np.abs(left)
     # along a motion that nothing pushes there is only the round-off of what acts across it; the largest
     # displacement of each motion is one. Nearly always the rest need not be looked at
-    if largest(left) <= SOLVED * float(np.abs(force).sum()):
+    if left.max(initial=0.0) <= SOLVED * float(np.abs(force).sum()):
         return True
     parts = [(motions.normal, force), (motions.modes, f)]
     if rubs:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask, largest
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.digits import COMPUTED
 from skfem_contact.obstacles.obstacle import rotation_matrix, spin
@@ -367,7 +367,7 @@ class LoadCase(ByFields):
     @cached_property
     def largest_force(self) -> float:
         """Largest entry of the load; asked for by all that tells forces from round-off [force]."""
-        return largest(np.abs(self.f))
+        return float(np.abs(self.f).max(initial=0.0))
 
     def worn(self, depth: Array) -> LoadCase:
         """The same loads with gaps that are wider by a depth worn off, (m,)."""

@@ -41,7 +41,7 @@ from scipy.sparse import block_diag, csr_matrix
 
 from skfem_contact.answers.answer import Iteration, Placed, point_forces
 from skfem_contact.answers.validity.validity import A_TENTH
-from skfem_contact.arrays import Array, largest
+from skfem_contact.arrays import Array, size_of
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.normal_field import CORNER
 from skfem_contact.bodies.selection import written
@@ -187,7 +187,7 @@ def holds(attempt: Attempt, u: Array) -> bool:
     wrong = (kin.B_n @ u)[closed] + seen.gap0[closed] - local.gap[closed]
     slip = (kin.B_t @ u).reshape(seen.slip0.shape) + seen.slip0 - local.slip
     wrong = np.append(wrong, slip[local.tangential_force != 0])
-    return largest(np.abs(wrong)) <= SOLVED * max(attempt.model.system.extent, largest(np.abs(u)))
+    return size_of(wrong) <= SOLVED * max(attempt.model.system.extent, size_of(u))
 
 
 def remarks(attempt: Attempt, placed: Placed) -> dict[str, str]:
@@ -446,7 +446,7 @@ class NonlinearSearch:
             old, new, local = both = attempt.problem.kin, own[0], attempt.local
             # where forces balance, areas too are to be those of the answer: laws are by them
             apart, grown = geometry.mismatch(*both, by.barred), balanced * geometry.stretched(*both)
-            mismatch = max(apart, spun, largest(grown))
+            mismatch = max(apart, spun, float(grown.max(initial=0.0)))
             if mismatch > by.options.placement_tolerance:
                 partner = apart == mismatch
                 point = geometry.least_settled(*both) if partner else int(np.argmax(grown))
@@ -519,7 +519,7 @@ class NonlinearSearch:
                 break
             # linear problems are symmetric: what turns with the rims of fluids follows from answers
             found = at.rims @ (u - at.u)
-            if largest(np.abs(found - turned)) <= COMPUTED * largest(np.abs(target.f)):
+            if size_of(found - turned) <= COMPUTED * size_of(target.f):
                 break
             turned = secant.next(turned, found)
             step = replace(step, target=copied(target, f=target.f + turned), known=attempt.state)
@@ -600,7 +600,7 @@ class NonlinearSearch:
         """Say which body has DOFs that resist nothing where Newton's method begins; else nothing."""
         system, diagonals = self.stepper.model.system, self.stepper.model.diagonals
         for body, name, of_K in zip(system.bodies, system.names, diagonals, strict=True):
-            lost = np.setdiff1d(np.flatnonzero(of_K <= COMPUTED * largest(of_K)), body.D)
+            lost = np.setdiff1d(np.flatnonzero(of_K <= COMPUTED * of_K.max(initial=0.0)), body.D)
             if body.nonlinear and len(lost):
                 return NO_STIFFNESS.format(name, len(lost), written(body.dof_points[lost[0]]))
         return ""

@@ -18,7 +18,7 @@ from skfem_contact.arguments import number, numbers, shown, suggest
 from skfem_contact.arrays import Array, check_finite, check_size, same
 from skfem_contact.bodies.inputs import is_load
 from skfem_contact.bodies.member import Member
-from skfem_contact.bodies.system import System, slices
+from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import point_slices
@@ -47,7 +47,6 @@ class StepReader:
         self.system, self.contacts, self.names, self.bolts = system, contacts, names, bolts
         self.kin, self._own, self.own_f = geometry.kin, geometry.interference, own_f
         self.own_apart = own_apart
-        self._spans = slices(system.offsets)  # DOFs of each body
         self.point_slices = point_slices(contacts)
         d = self.kin.points.shape[1]
         self._still = (Motion.none(d),) * len(contacts)
@@ -175,7 +174,7 @@ class StepReader:
         for name, value in given.items():
             i = self.system.index(name)
             factor = not is_load(value) and np.ndim(value) == 0  # on its own
-            body, own = self.system.bodies[i], load[self._spans[i]]
+            body, own = self.system.bodies[i], load[self.system.spans[i]]
             parts[i] = self._times(value).get(i) if factor else body.apart(value, own)
         return {i: part for i, part in parts.items() if part is not None}
 
@@ -205,8 +204,8 @@ class StepReader:
             for name, value in given.items():
                 i = self.system.index(name)
                 span, scale = (
-                    self._spans[i],
-                    units if isinstance(units, float) else units[self._spans[i]],
+                    self.system.spans[i],
+                    units if isinstance(units, float) else units[self.system.spans[i]],
                 )
                 was = named[i][1] if i in named else before[span]
                 named[i] = span, self._part(what, name, value, was, own[span], scale)
@@ -214,7 +213,7 @@ class StepReader:
         else:
             whole = _checked(given, self.system.n, f"{what} of all bodies")
             for body, name, span in zip(
-                self.system.bodies, self.system.names, self._spans, strict=True
+                self.system.bodies, self.system.names, self.system.spans, strict=True
             ):
                 if what == "x" and whole[span].any():
                     _needs_places(body, name)

@@ -303,8 +303,9 @@ class LinearModel:
             return base is not None and base.problem_on(None if own else kin, u).springs is None
 
         motions = self.motions if own else self.motions.seen_by(kin)
+        prefer = self._prefer if self.route == "full" else None
         seal(kin)
-        on = PosedOn(kin, motions, u, self.interface.slipping, self._prefer, independent)
+        on = PosedOn(kin, motions, u, self.interface.slipping, prefer, independent)
         start = time.perf_counter()
         problem = bodies.attach(on)
         with self._lock:

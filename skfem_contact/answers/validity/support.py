@@ -24,7 +24,7 @@ import numpy as np
 from skfem_contact.answers.answer import Answer, point_forces
 from skfem_contact.answers.validity.deformed_boundaries import BoundaryNodes
 from skfem_contact.answers.validity.validity import A_TENTH, Drift
-from skfem_contact.arrays import Array, Index, Mask, cross, largest
+from skfem_contact.arrays import Array, Index, Mask, cross
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member, unit_motions
 from skfem_contact.bodies.surface import ContactSurface
@@ -246,7 +246,7 @@ def elastic_approach(result: Answer, i: int, displacement: Array | None = None) 
         elastic[system.slice(body)] -= rigid[np.arange(body.n), body.dof_component]
     if contact.rigid_body is not None:
         elastic[system.slice(contact.rigid_body)] = 0.0
-    return largest(np.abs((result.kin.B_n[part] @ elastic)[closed]))
+    return float(np.abs((result.kin.B_n[part] @ elastic)[closed]).max(initial=0.0))
 
 
 def with_elastic_approach(

@@ -28,7 +28,7 @@ from skfem_contact.answers.validity.support import (
     with_elastic_approach,
 )
 from skfem_contact.answers.validity.validity import Drift
-from skfem_contact.arrays import Array, Index, Mask, angle_between, dot, largest
+from skfem_contact.arrays import Array, Index, Mask, angle_between, dot
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
@@ -206,11 +206,11 @@ class Track:
         if not np.count_nonzero(closed):
             return {}
         way = np.linalg.norm(slip, axis=1)
-        breadth, longest = self.breadth(closed), largest(way[closed])
+        breadth, longest = self.breadth(closed), float(way[closed].max(initial=0.0))
         found = {"slip": longest, "widths": longest / breadth if breadth > 0 else np.inf}
         if isinstance(self.primary, Obstacle):
             return found
-        found["facets"] = largest((way / self.facet)[closed])
+        found["facets"] = float((way / self.facet)[closed].max(initial=0.0))
         if self.turns:
             turned = np.einsum("mde,me->md", self.bends, slip)[closed]
             error = float(np.max(0.5 * np.abs(dot(turned, slip[closed]))))
@@ -362,7 +362,7 @@ class ContactWatch(Track):
             by_supports, slip = self.split(self._apart([motions[b] for b in self.bodies]))
             if self.held and count:
                 lifted = case.gap0[part][closed] - result.gap[part][closed] + by_supports[closed]
-                elastic = largest(np.abs(lifted))
+                elastic = float(np.abs(lifted).max(initial=0.0))
                 approach, strain = max(approach, elastic), max(strain, elastic / self.extent)
             if contact.friction is not None or contact.tied:
                 given = self.geometry.kin.slip_along(case.slip0[part], part)
