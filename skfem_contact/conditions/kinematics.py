@@ -300,6 +300,8 @@ def join(parts: Sequence[Kinematics]) -> Kinematics:
     """All contacts in one numbering of points, in the order given."""
     if not parts:
         raise InputError("There is no contact: give at least one Contact.")
+    if len(parts) == 1:
+        return parts[0]
     names = "gap0 area points normal tangent paired tied bilateral action offset tilt vertex"
     values = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names.split()}
     first = np.cumsum([0, *(part.m for part in parts)])

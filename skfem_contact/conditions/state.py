@@ -148,8 +148,13 @@ class State(_History):
 
     normal: Array
 
-    def along(self, kin: Kinematics) -> LocalState:
-        """Components along the tangents of a pairing, after `transport` to its normals."""
+    def along(self, kin: Kinematics, point_slices: Sequence[slice] = ()) -> LocalState:
+        """Components along the tangents of a pairing, after `transport` to its normals.
+
+        With the points of each contact a vertex brings its history along, see `handed_on`.
+        """
+        if point_slices:
+            return self.handed_on(kin.vertex, point_slices).along(kin)
         vectors = self._friction
         if self.normal is not kin.normal and not np.array_equal(self.normal, kin.normal):
             vectors = transport(vectors, self.normal, kin.normal)

@@ -31,9 +31,9 @@ from skfem_contact.conditions.motions import (
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.errors import NoEquilibrium, NotConverged, SingularMatrix
-from skfem_contact.history.load_step import Attempt, LoadStep, Recovery
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import TURNED, Stepper
-from skfem_contact.history.stepping import Advance, advance
+from skfem_contact.history.stepping import advance
 from skfem_contact.obstacles.obstacle import Faceted
 from skfem_contact.pairing.corners import Corners
 from skfem_contact.problem.model import EVEN_CLOSED, LinearModel
@@ -95,7 +95,7 @@ class Grip:
         carrying |= motions.kin.never_opens
         stick = carrying & model.interface.slipping & (state.status == STICK)
         slips = carrying & (state.status == SLIP)
-        if np.count_nonzero(slips):
+        if not attempt.friction.steady and np.count_nonzero(slips):
             stick |= resisting_slips(model.interface.laws, state, slips)
         firmly = TURNED if model.geometry.follows else SOLVED
         return cls(motions, attempt, carrying, stick, max(most, floor, TINY), firmly)
@@ -110,9 +110,8 @@ class Grip:
         motions, carrying, stick = self.motions, self.carrying, self.stick
         share = self.attempt.local.normal_force / self.largest
         share[motions.kin.bilateral] = 1.0
-        enough = motions.held(carrying, stick, self.firmly)
-        if enough and motions.held(carrying * share**2, stick, GIVEN):
-            return False
+        if motions.held(carrying * share**2, stick, max(self.firmly, GIVEN)):
+            return False  # all the more so with the whole of their rows
         rows, across = motions.rows(carrying, stick), self._across()
         if null_space(np.concatenate([rows, across]), self.firmly).shape[1]:
             return True
@@ -291,7 +290,7 @@ class EquilibriumSearch:
             if not may_float:
                 raise
             return self._free(error)
-        good = self.advance.attempt.good
+        good = self.advance.good
         if may_float and good:
             self.grip = Grip.of(model, self.advance.attempt)
             if model.loose.shape[1] or self.grip.idles:

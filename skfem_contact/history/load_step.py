@@ -1,4 +1,4 @@
-"""A load step, one attempt at it, and the displacements that follow from it."""
+"""A load step, one attempt at it, how far it has come, and the displacements that follow from it."""
 
 from __future__ import annotations
 
@@ -136,11 +136,11 @@ class Attempt:
     local: LocalState
     action: Array
     terms: float
+    friction: FrictionRule  # on its pairing
     mismatch: float = 0.0
     failure: str = ""
     travel: float = 0.0  # of the point that slid furthest, over what is allowed
     culprit: int = -1  # the point whose partner or way made the attempt fail
-    friction: FrictionRule | None = None  # on its pairing
     stateless: Array | None = None
     carried: Carried | None = None
     origin: Placed | None = None
@@ -190,6 +190,40 @@ class Attempt:
     def stopped(self) -> bool:
         """Return whether the user's callback ended it."""
         return self.outcome.stopped
+
+
+@dataclass(eq=False)
+class Advance:
+    """The way that a load step has come, and the last attempt, which says whether it has arrived.
+
+    `energy` is the `friction_energy` of all parts together, (2, contacts).
+    `unsettled` is the last attempt whose pairing did not settle, since a part of the step was reached:
+    of smaller parts, which begin on its pairing, the loop may fail before they come to pair anew.
+    `carried` is the largest share of it that a loading machine has come to, where it did not arrive.
+    """
+
+    energy: Array
+    attempt: Attempt = field(init=False)
+    good: bool = False
+    unsettled: Attempt | None = None
+    trace: list[Record] = field(default_factory=list)
+    cuts: int = 0
+    substeps: int = 1
+    carried: float | None = None
+
+    def came_to(self, attempt: Attempt, done: float, aim: float) -> bool:
+        """Whether the last attempt has arrived, at the part of the step between two shares of it."""
+        self.attempt, self.good = attempt, attempt.good
+        self.trace.extend(attempt.outcome.trace)
+        if self.good:
+            self.unsettled = None
+            if attempt.model.interface.laws:
+                self.energy += attempt.energy
+        elif attempt.culprit >= 0 and attempt.travel <= 1.0:
+            self.unsettled = attempt
+        if attempt.carried is not None:
+            self.carried = done + (aim - done) * attempt.carried.share
+        return self.good
 
 
 @dataclass(eq=False)

@@ -27,9 +27,9 @@ from skfem_contact.arrays import Array, Mask
 from skfem_contact.conditions.motions import NEAR, NOWHERE, RigidMotions, drives
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.digits import COMPUTED, SINGLE, SOLVED
-from skfem_contact.history.load_step import Attempt, LoadStep, Recovery, force_terms
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, force_terms
 from skfem_contact.history.stepper import TURNED, Stepper, pins
-from skfem_contact.history.stepping import Advance, advance
+from skfem_contact.history.stepping import advance
 from skfem_contact.linalg.dense_factors import nonnegative_least_squares
 from skfem_contact.problem.model import LinearModel
 from skfem_contact.records import dataclass

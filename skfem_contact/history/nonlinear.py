@@ -59,13 +59,12 @@ from skfem_contact.errors import (
     SingularMatrix,
 )
 from skfem_contact.history.equilibrium import ARRIVED, CORNERS, EquilibriumSearch, Verdict, at_corners
-from skfem_contact.history.load_step import Attempt, LoadStep, Recovery
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import NOISE, Stepper
 from skfem_contact.history.stepping import (
     AIM,
     LONGER,
     WHOLE_TURN,
-    Advance,
     Bisection,
     settled,
     travelled,

@@ -366,7 +366,7 @@ class PartialResults:
     def add(self, answer: Answer, result: ContactResult, reader: StepReader) -> None:
         """Keep an answer and its result; `reader` knows the loads that a number stands for."""
         # a number stands for the loads, but not for those of bolts
-        named = answer.factor is None or bool(answer.bolt_names)
+        named = answer.factor is None or bool(reader.bolts)
         none = answer.case.f[:0]
         light = copied(answer) if named else _with_loads(answer, none, none)
         self._light.append((light, reader))
@@ -378,7 +378,7 @@ class PartialResults:
         for (light, reader), alive in zip(self._light, self._alive, strict=True):
             result = alive()
             if result is None:
-                if light.factor is not None and not light.bolt_names:
+                if light.factor is not None and not reader.bolts:
                     loads = reader.read(light.factor, light.case)
                     light = _with_loads(light, loads.f, loads.x)
                 result = ContactResult(light)

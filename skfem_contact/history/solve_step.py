@@ -143,6 +143,17 @@ class StepSolver(ByFields):
             return result
         raise verdict.error(self.stepper.loop, ContactResult(result))
 
+    def begin(self, start: Any, guess: Any) -> tuple[Known, Known, LoadCase]:
+        """The states to go on from and to begin iterations with, and the loads to go on from."""
+        before = self.known(start, "start")
+        return before, self.known(guess, "guess"), self.loads(before)
+
+    def loads(self, start: Known) -> LoadCase:
+        """The loads that steps go on from, see `StepReader.resumed`."""
+        if start is None:
+            return self.reader.initial()
+        return self.reader.resumed(start.case, self.left(start).x)
+
     def left(self, start: Answer | SavedState) -> LoadCase:
         """The loads of a state to go on from, with the places that new supports find DOFs at.
 
@@ -178,7 +189,8 @@ class StepSolver(ByFields):
             usage = "give what solve(...) returned, or load_state(...)"
             check_kind(given, (ContactResult, SavedState), what, usage)
             start = given
-        if not self._own(start):
+        own = self._own(start)
+        if not own:
             self.stepper.model.geometry.identity.refuse(start.identity, what)
         if what == "start" and not start.converged:
             raise InputError(
@@ -187,13 +199,13 @@ class StepSolver(ByFields):
                 "`.results` of the exception) in smaller steps; as starting values alone this one can "
                 "be the `guess` of solve(...)."
             )
-        strange = sorted(set(start.bolt_names) - set(self.bolts.names))
+        strange = [] if own else sorted(set(start.bolt_names) - set(self.bolts.names))
         if strange:
             raise InputError(
                 f"{what} is a state with bolts {', '.join(map(repr, strange))}, which this solver does "
                 "not have: pass the same bolts=[...], with the same names"
             )
-        if what == "start":
+        if what == "start" and not own:
             words = self.reader.other_interference(start.case)
             if words:
                 warn(words)

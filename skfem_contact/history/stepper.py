@@ -15,7 +15,7 @@ from skfem_contact.arrays import Array, Mask
 from skfem_contact.conditions.friction import Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule, jumps_open
 from skfem_contact.conditions.motions import balanced
-from skfem_contact.conditions.state import OPEN, LoadCase, LocalState, State
+from skfem_contact.conditions.state import OPEN, LoadCase, LocalState
 from skfem_contact.errors import ConstraintError
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.loops.active_set import friction_of_prescribed_slip
@@ -78,10 +78,6 @@ class Stepper(ByFields):
         found = possible_starts(len(interface.stiffness), self.loop, turns, one_way)
         return tuple(found)
 
-    def starts_from(self, known: State | None) -> list[str]:
-        """Return where attempts begin that go on from a state, or from nothing."""
-        return [start for start in self.starts if start != ("warm" if known is None else "cold")]
-
     @cached_property
     def jumps(self) -> bool:
         """Return whether friction jumps where points open, and can be made to rise steeply instead."""
@@ -108,10 +104,10 @@ class Stepper(ByFields):
         interface, options = self.model.interface, self.options
         kin, target = problem.kin, to.target
         # a vertex brings its history along to the point that carries its row now
-        last = to.state.handed_on(kin.vertex, interface.point_slices).along(kin)
+        last = to.state.along(kin, interface.point_slices)
         begin = last
         if to.known is not None and to.known is not to.state:
-            begin = to.known.handed_on(kin.vertex, interface.point_slices).along(kin)
+            begin = to.known.along(kin, interface.point_slices)
         # how far supports are moved, and what that makes of the softest body's stiffness; the bodies'
         # own K may have been replaced
         moves, stiffest = self.model.moves(target), self.model.stiffest
@@ -147,9 +143,9 @@ class Stepper(ByFields):
         ended = outcome, self.model, problem, load, target, seen, last, local, kin.action
         return Attempt(
             *ended,
-            terms=max(target.largest_force, *map(mul, stiffest, moves)),
+            max(target.largest_force, *map(mul, stiffest, moves)),
+            step.friction,
             failure=failure,
-            friction=step.friction,
             stateless=found.stateless,
             carried=found.carried,
             origin=to.origin,

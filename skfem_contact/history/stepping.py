@@ -24,17 +24,17 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from skfem_contact.arrays import Array, Mask, lengths
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.state import OPEN, LocalState
+from skfem_contact.conditions.state import OPEN, LocalState, State
 from skfem_contact.digits import COMPUTED, GIVEN, NEWTON_STEPS, SOLVED
 from skfem_contact.errors import SingularMatrix
-from skfem_contact.history.load_step import Attempt, LoadStep
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep
 from skfem_contact.history.stepper import RAN_AWAY, Stepper
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.loops.starts import REGULARISED
@@ -69,39 +69,6 @@ WHOLE_TURN = (
 )
 
 logger = logging.getLogger("skfem_contact")
-
-
-@dataclass(eq=False)
-class Advance:
-    """The way that a load step has come, and the last attempt, which says whether it has arrived.
-
-    `energy` is the `friction_energy` of all parts together, (2, contacts).
-    `unsettled` is the last attempt whose pairing did not settle, since a part of the step was reached:
-    of smaller parts, which begin on its pairing, the loop may fail before they come to pair anew.
-    `carried` is the largest share of it that a loading machine has come to, where it did not arrive.
-    """
-
-    energy: Array
-    attempt: Attempt = field(init=False)
-    unsettled: Attempt | None = None
-    trace: list[Record] = field(default_factory=list)
-    cuts: int = 0
-    substeps: int = 1
-    carried: float | None = None
-
-    def came_to(self, attempt: Attempt, done: float, aim: float) -> bool:
-        """Whether the last attempt has arrived, at the part of the step between two shares of it."""
-        self.attempt, good = attempt, attempt.good
-        self.trace.extend(attempt.outcome.trace)
-        if good:
-            self.unsettled = None
-            if attempt.model.interface.laws:
-                self.energy += attempt.energy
-        elif attempt.culprit >= 0 and attempt.travel <= 1.0:
-            self.unsettled = attempt
-        if attempt.carried is not None:
-            self.carried = done + (aim - done) * attempt.carried.share
-        return good
 
 
 @dataclass
@@ -167,7 +134,7 @@ def advance(
     so_far = Advance(np.zeros((2, len(interface.names))))
     parts = Bisection(by.options.max_cuts, LONGER**-by.options.max_cuts)
     part = step  # that is attempted: from where the parts before it have come to
-    starts = by.starts_from(step.known)
+    starts = _starts(by, step.known)
     freed: Attempt | None = None  # of pivoting, which has left a motion free
     while True:
         aim = parts.aim
@@ -189,7 +156,7 @@ def advance(
             return so_far
         if good:
             part = replace(part, state=attempt.state, before=part.target, known=attempt.state)
-            starts = by.starts_from(attempt.state)
+            starts = _starts(by, attempt.state)
             so_far.substeps += 1
             parts.go_on(attempt.travel)
         elif freed is not None:
@@ -214,7 +181,12 @@ def advance(
             so_far.cuts += 1
             parts.cut(attempt.travel)
             logger.info("step cut to %.4g of its size: %s", parts.share, attempt.reason)
-            part, starts = replace(part, known=part.state), by.starts_from(part.state)
+            part, starts = replace(part, known=part.state), _starts(by, part.state)
+
+
+def _starts(by: Stepper, known: State | None) -> list[str]:
+    """Where attempts begin that go on from a state, or from nothing."""
+    return [start for start in by.starts if start != ("warm" if known is None else "cold")]
 
 
 def _first_held(by: Stepper, part: LoadStep, starts: list[str]) -> Attempt | None:

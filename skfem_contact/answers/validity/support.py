@@ -151,6 +151,15 @@ class Support:
         return motion, float(np.max(off, initial=0.0)) / self.arm
 
 
+def fitted(supports: Sequence[Support], u: Array) -> tuple[list[Array], list[float], list[Turn | None]]:
+    """Of each support what `Support.fitted` finds, and the turn where it `turns`."""
+    pairs = [support.fitted(u) for support in supports]
+    motions = [motion for motion, _ in pairs]
+    by = zip(supports, motions, strict=True)
+    turns = [support.turn(motion) if support.turns(motion) else None for support, motion in by]
+    return motions, [off for _, off in pairs], turns
+
+
 class Extrapolation:
     """Displacements of nodes that are not known without the interior of their body.
 
