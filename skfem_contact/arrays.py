@@ -1,6 +1,6 @@
 """Checks of vectors and DOF numbers that users pass, each with one wording; quick work on arrays.
 
-Sums and entries of matrices stand in the middle; tangents, lengths, angles and products of vectors
+Sums and entries of matrices stand in the middle; tangents, angles and products of vectors
 in the plane and in space at the end.
 """
 
@@ -192,25 +192,6 @@ def dof_numbers(
             f"{others}"
         )
     return numbers
-
-
-def lengths(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Lengths of tangential vectors (m, d-1), shape (m,); in every iteration, so it is quick."""
-    if vectors.shape[1] == 1:
-        return np.abs(vectors[:, 0])
-    return np.asarray(np.linalg.norm(vectors, axis=1))
-
-
-def unit_vectors(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Vectors (k, d) over their lengths; those of length zero stay.
-
-    >>> unit_vectors(np.array([[3.0, 4.0], [0.0, 0.0]])).tolist()
-    [[0.6, 0.8], [0.0, 0.0]]
-    """
-    if vectors.shape[1] == 1:
-        return np.sign(vectors)
-    size = lengths(vectors)
-    return np.asarray(vectors / np.where(size > 0, size, 1.0)[:, None])
 
 
 def size_of(values: NDArray[np.float64]) -> float:

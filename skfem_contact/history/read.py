@@ -62,7 +62,7 @@ class StepReader:
         """No load, no prescribed displacement, no interference: where a history begins."""
         return self._placed(np.zeros(self.kin.gap0.shape), self._still)
 
-    def resumed(self, start: LoadCase, found: Array) -> LoadCase:
+    def resumed(self, start: LoadCase, found: Array, own: bool) -> LoadCase:
         """The loads of a state to go on from: a multiple of own loads is one of those here.
 
         Bodies may have other loads and supports of their own in the solver that goes on. Where steps
@@ -73,18 +73,21 @@ class StepReader:
         start : LoadCase
         found : ndarray, shape (n,)
             Its prescribed displacements, with the places of such supports [length].
+        own : bool
+            Whether it is a state of this very geometry, of which gaps and slips are known.
         """
         f, x = start.scale
         given = [start.interference[part] for part in self.point_slices]
-        own = [
+        ours = [
             was and np.array_equal(there, here)
             for was, there, here in zip(start.own, given, self._own, strict=True)
         ]
         return copied(
-            self._placed(start.interference, start.motion),
+            start if own else self._placed(start.interference, start.motion),
             f=start.applied if f is None else f * self.own_f,
             x=found if x is None else x * self.system.x,
-            own=tuple(own),
+            own=tuple(ours),
+            bolts=None,
             scale=start.scale,
             multiples=start.multiples,
             factor=start.factor,

@@ -301,9 +301,9 @@ def definite_inverse(A: Array, least: float = 0.0) -> Array:
     LinAlgError
         Rows depend on each other; `A` is lost.
     """
-    scale = np.sqrt(np.diag(A))
+    own = A.diagonal().copy()
     factors = cholesky(A.T, overwrite=True)
-    if least and np.min(factors.diagonal / scale, initial=1.0) < least:
+    if least and np.min(factors.diagonal / np.sqrt(own), initial=1.0) < least:
         raise LinAlgError("dependent contact rows")
     return factors.inverse()
 
