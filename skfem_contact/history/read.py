@@ -46,7 +46,7 @@ class StepReader:
     ) -> None:
         self.system, self.contacts, self.names, self.bolts = system, contacts, names, bolts
         self.kin, self._own, self.own_f = geometry.kin, geometry.interference, own_f
-        self.own_apart = own_apart
+        self.own_apart, self._spans = own_apart, system.spans
         self.point_slices = point_slices(contacts)
         d = self.kin.points.shape[1]
         self._still = (Motion.none(d),) * len(contacts)
@@ -177,7 +177,7 @@ class StepReader:
         for name, value in given.items():
             i = self.system.index(name)
             factor = not is_load(value) and np.ndim(value) == 0  # on its own
-            body, own = self.system.bodies[i], load[self.system.spans[i]]
+            body, own = self.system.bodies[i], load[self._spans[i]]
             parts[i] = self._times(value).get(i) if factor else body.apart(value, own)
         return {i: part for i, part in parts.items() if part is not None}
 
@@ -207,8 +207,8 @@ class StepReader:
             for name, value in given.items():
                 i = self.system.index(name)
                 span, scale = (
-                    self.system.spans[i],
-                    units if isinstance(units, float) else units[self.system.spans[i]],
+                    self._spans[i],
+                    units if isinstance(units, float) else units[self._spans[i]],
                 )
                 was = named[i][1] if i in named else before[span]
                 named[i] = span, self._part(what, name, value, was, own[span], scale)
@@ -216,7 +216,7 @@ class StepReader:
         else:
             whole = _checked(given, self.system.n, f"{what} of all bodies")
             for body, name, span in zip(
-                self.system.bodies, self.system.names, self.system.spans, strict=True
+                self.system.bodies, self.system.names, self._spans, strict=True
             ):
                 if what == "x" and whole[span].any():
                     _needs_places(body, name)
