@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import field, fields, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -368,11 +367,6 @@ class LoadCase(ByFields):
         """The load without that of bolts, (n,) [force]."""
         bolts = self.bolts
         return self.f if bolts is None or bolts.applied is None else bolts.applied
-
-    @cached_property
-    def largest_force(self) -> float:
-        """Largest entry of the load; asked for by all that tells forces from round-off [force]."""
-        return float(np.abs(self.f).max(initial=0.0))
 
     def worn(self, depth: Array) -> LoadCase:
         """The same loads with gaps that are wider by a depth worn off, (m,)."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import field
 from functools import cached_property
-from operator import mul
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -72,11 +71,6 @@ def plastic_slip(interface: Interface, last: LocalState, new: LocalState) -> Arr
     G = interface.stiffness[:, None]
     elastic = (new.tangential_force - last.tangential_force) / G  # zero where sticking is exact
     return np.where(interface.frictional[:, None], new.slip - last.slip - elastic, 0.0)
-
-
-def force_terms(model: LinearModel, case: LoadCase) -> float:
-    """The largest load, or product of stiffness and prescribed displacement [force]."""
-    return max(case.largest_force, *map(mul, model.stiffest, model.moves(case)))
 
 
 @dataclass(eq=False)

@@ -14,6 +14,7 @@ from skfem_contact.arguments import NAMED
 from skfem_contact.arrays import Array, Mask
 from skfem_contact.conditions.friction import Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule, jumps_open
+from skfem_contact.conditions.kinematics import prescribed_rows, prescribed_tangents
 from skfem_contact.conditions.motions import balanced
 from skfem_contact.conditions.state import OPEN, LoadCase, LocalState
 from skfem_contact.errors import ConstraintError
@@ -112,7 +113,8 @@ class Stepper(ByFields):
         # own K may have been replaced
         moves, stiffest = self.model.moves(target), self.model.stiffest
         moved = max(moves)
-        noise = NOISE * max(target.largest_force, min(stiffest) * moved)
+        pull = float(np.abs(target.f).max(initial=0.0))
+        noise = NOISE * max(pull, min(stiffest) * moved)
         seen = self._seen(problem, target, last, to.before)
         counted = seen if to.origin is None else to.origin.seen(seen, kin, self.model)
         load = problem.load(counted)
@@ -143,7 +145,7 @@ class Stepper(ByFields):
         ended = outcome, self.model, problem, load, target, seen, last, local, kin.action
         return Attempt(
             *ended,
-            max(target.largest_force, *map(mul, stiffest, moves)),
+            max(pull, *map(mul, stiffest, moves)),
             step.friction,
             failure=failure,
             stateless=found.stateless,
@@ -191,11 +193,13 @@ class Stepper(ByFields):
         if known is not None:
             return known.under(load, last, noise, far)
         interface, kin = self.model.interface, problem.kin
-        paired = kin.paired & (interface.bilateral | problem.able)
+        D = self.model.system.D
+        # where a gap is prescribed D carries the force instead, and any friction where a slip is
+        paired = kin.paired & (interface.bilateral | ~prescribed_rows(kin.B_n, D))
         if self.barred is not None:
             paired &= ~self.barred
         frictional, guided, slip_prescribed_along = interface.frictional & paired, None, None
-        if interface.laws and np.count_nonzero(along := problem.prescribed_tangents):
+        if interface.laws and np.count_nonzero(along := prescribed_tangents(kin, D)):
             # without tangents (scalar problems) there are no laws
             if np.count_nonzero(whole := along.all(axis=1)):
                 guided, frictional = whole & interface.frictional, frictional & ~whole

@@ -144,20 +144,17 @@ class Support:
         moved = np.einsum("md,mdk->mk", direction, unit) @ self.free
         return bool(np.max(np.abs(moved), initial=0.0) < SUPPORTED)
 
-    def fitted(self, u: Array) -> tuple[Array, float]:
-        """The motion under displacements (n,), and how far they are off it over the body's extent."""
-        motion = self.motion(u)
-        off = np.abs(u[self.dofs] - self.unit @ motion)
-        return motion, float(np.max(off, initial=0.0)) / self.arm
-
 
 def fitted(supports: Sequence[Support], u: Array) -> tuple[list[Array], list[float], list[Turn | None]]:
-    """Of each support what `Support.fitted` finds, and the turn where it `turns`."""
-    pairs = [support.fitted(u) for support in supports]
-    motions = [motion for motion, _ in pairs]
-    by = zip(supports, motions, strict=True)
-    turns = [support.turn(motion) if support.turns(motion) else None for support, motion in by]
-    return motions, [off for _, off in pairs], turns
+    """Motions under displacements (n,); how far these are off them over the extents; large turns."""
+    motions, off, turns = list[Array](), list[float](), list[Turn | None]()
+    for support in supports:
+        motion = support.motion(u)
+        away = np.abs(u[support.dofs] - support.unit @ motion)
+        motions.append(motion)
+        off.append(float(np.max(away, initial=0.0)) / support.arm)
+        turns.append(support.turn(motion) if support.turns(motion) else None)
+    return motions, off, turns
 
 
 class Extrapolation:
