@@ -62,7 +62,7 @@ class StepReader:
         """No load, no prescribed displacement, no interference: where a history begins."""
         return self._placed(np.zeros(self.kin.gap0.shape), self._still)
 
-    def resumed(self, start: LoadCase, found: Array, own: bool) -> LoadCase:
+    def resumed(self, start: LoadCase, found: Array, own: bool = False) -> LoadCase:
         """The loads of a state to go on from: a multiple of own loads is one of those here.
 
         Bodies may have other loads and supports of their own in the solver that goes on. Where steps
@@ -73,7 +73,7 @@ class StepReader:
         start : LoadCase
         found : ndarray, shape (n,)
             Its prescribed displacements, with the places of such supports [length].
-        own : bool
+        own : bool, optional
             Whether it is a state of this very geometry, of which gaps and slips are known.
         """
         f, x = start.scale
