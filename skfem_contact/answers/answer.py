@@ -155,9 +155,8 @@ def _of_rims(body: Any, slope: csr_matrix) -> csr_matrix:
     """The half of the derivative of a body's load that is not symmetric, but what supports bear."""
     odd = csr_matrix(0.5 * (slope - slope.T))
     row = np.repeat(np.arange(body.n), np.diff(odd.indptr))
-    odd.data[
-        np.isin(row, body.D) | (np.abs(odd.data) <= COMPUTED * np.abs(slope.data).max(initial=0.0))
-    ] = 0.0
+    least = COMPUTED * np.abs(slope.data).max(initial=0.0)
+    odd.data[np.isin(row, body.D) | (np.abs(odd.data) <= least)] = 0.0
     odd.eliminate_zeros()
     return odd
 

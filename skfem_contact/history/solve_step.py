@@ -152,7 +152,8 @@ class StepSolver(ByFields):
         """The loads that steps go on from, see `StepReader.resumed`."""
         if start is None:
             return self.reader.initial()
-        return self.reader.resumed(start.case, self.left(start).x, self._own(start))
+        here = isinstance(start, Answer) and start.model.geometry is self.stepper.model.geometry
+        return self.reader.resumed(start.case, self.left(start).x, here)
 
     def left(self, start: Answer | SavedState) -> LoadCase:
         """The loads of a state to go on from, with the places that new supports find DOFs at.
