@@ -110,7 +110,7 @@ class RigidMotions(ByFields):
     def tangential(self) -> Array:
         """Change of the slip by each mode, shape (m, d-1, k); asked for where points may stick."""
         kin = self.kin
-        return np.asarray(kin.B_t @ self.modes).reshape(len(kin.gap0), kin.tangents, self.k)
+        return np.asarray(kin.B_t @ self.modes).reshape(kin.m, kin.tangents, self.k)
 
     def seen_by(self, kin: Kinematics) -> RigidMotions:
         """The same motions seen from another pairing."""
