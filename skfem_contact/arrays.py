@@ -1,12 +1,11 @@
 """Checks of vectors and DOF numbers that users pass, each with one wording; quick work on arrays.
 
-Sums and entries of matrices stand in the middle; tangents, lengths, angles and products of vectors
+Sums and entries of matrices stand in the middle; tangents, angles and products of vectors
 in the plane and in space at the end.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -62,20 +61,6 @@ def same(one: NDArray[Any], other: NDArray[Any]) -> bool:
     return bool(np.count_nonzero(one == other) == one.size)
 
 
-def largest(values: NDArray[np.float64]) -> float:
-    """The largest of some numbers, zero where all are negative or there are none; NaN if one is.
-
-    For what every load step asks for: ``max(initial=0.0)`` takes four times as long.
-
-    >>> largest(np.array([1.0, 3.0])), largest(np.array([-1.0])), largest(np.zeros(0))
-    (3.0, 0.0, 0.0)
-    >>> largest(np.array([1.0, np.nan]))
-    nan
-    """
-    found = float(values.item(values.argmax())) if values.size else 0.0
-    return 0.0 if found < 0.0 else found
-
-
 def first_largest(values: NDArray[np.float64]) -> int:
     """Number of the first of the largest: of places that symmetry makes alike, round-off chooses none.
 
@@ -96,20 +81,6 @@ def off_segments(points: Array, start: Array, along: Array) -> Array:
     square = np.maximum(np.einsum("...d,...d->...", along, along), np.finfo(float).tiny)
     part = np.clip(np.einsum("...d,...d->...", away, along) / square, 0.0, 1.0)
     return np.asarray(away - part[..., None] * along)
-
-
-def block_diagonal(blocks: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Matrices one after the other along a diagonal; SciPy's own, for many kinds of them, takes longer.
-
-    >>> block_diagonal([np.ones((2, 1)), np.zeros((1, 0)), np.full((1, 1), 3.0)]).tolist()
-    [[1.0, 0.0], [1.0, 0.0], [0.0, 0.0], [0.0, 3.0]]
-    """
-    out = np.zeros((sum(len(block) for block in blocks), sum(block.shape[1] for block in blocks)))
-    row = column = 0
-    for block in blocks:
-        out[row : row + len(block), column : column + block.shape[1]] = block
-        row, column = row + len(block), column + block.shape[1]
-    return out
 
 
 def summed(place: Index, values: Array, count: int) -> Array:
@@ -221,25 +192,6 @@ def dof_numbers(
             f"{others}"
         )
     return numbers
-
-
-def lengths(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Lengths of tangential vectors (m, d-1), shape (m,); in every iteration, so it is quick."""
-    if vectors.shape[1] == 1:
-        return np.abs(vectors[:, 0])
-    return np.asarray(np.linalg.norm(vectors, axis=1))
-
-
-def unit_vectors(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Vectors (k, d) over their lengths; those of length zero stay.
-
-    >>> unit_vectors(np.array([[3.0, 4.0], [0.0, 0.0]])).tolist()
-    [[0.6, 0.8], [0.0, 0.0]]
-    """
-    if vectors.shape[1] == 1:
-        return np.sign(vectors)
-    size = lengths(vectors)
-    return np.asarray(vectors / np.where(size > 0, size, 1.0)[:, None])
 
 
 def size_of(values: NDArray[np.float64]) -> float:

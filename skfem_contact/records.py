@@ -52,36 +52,6 @@ class Lock(RLock):  # type: ignore[misc]  # final in the stubs of its module, no
         return Lock, ()
 
 
-class _Turn:
-    """The lock of a value that is being computed, and how many threads are there for it.
-
-    It is known here as long as somebody is, and not kept by the object, which may be pickled.
-    """
-
-    _all: dict[tuple[int, str], _Turn] = {}  # noqa: RUF012 (of all objects together)
-    _guard = RLock()
-
-    def __init__(self) -> None:
-        self.lock, self.count = RLock(), 0
-
-    @classmethod
-    def enter(cls, key: tuple[int, str]) -> _Turn:
-        with cls._guard:
-            turn = cls._all.get(key)
-            if turn is None:
-                turn = cls._all[key] = cls()
-            turn.count += 1
-        turn.lock.acquire()
-        return turn
-
-    def leave(self, key: tuple[int, str]) -> None:
-        self.lock.release()
-        with self._guard:
-            self.count -= 1
-            if not self.count:
-                del self._all[key]
-
-
 class once(Generic[T]):
     """A property that is computed when first asked for, by one thread; others that ask wait for it.
 
@@ -112,15 +82,13 @@ class once(Generic[T]):
         # Python comes here as long as the object does not have the value itself
         if instance is None:
             return self
-        known, key = vars(instance), (id(instance), self.name)
-        turn = _Turn.enter(key)
-        try:
+        known, turn = vars(instance), f"turn of {self.name}"
+        with known.setdefault(turn, Lock()):
             if self.name not in known:
-                known.setdefault(self.name, self.function(instance))
+                known[self.name] = self.function(instance)
+            known.pop(turn, None)  # who has it by now finds the value
             found: T = known[self.name]
             return found
-        finally:
-            turn.leave(key)
 
 
 MAKING = Lock()

@@ -56,7 +56,7 @@ def test_a_failed_step_is_cut_and_recovered(monkeypatch):
     solver, _ = scene("finite")
     halves = list(solver.history([0.5, 1.0]))
     # from nothing known, there is no warm start, and the proximal point is none of the loop's
-    attempts = len(solver._answering.stepper.starts_from(None)) - 1
+    attempts = len(solver._answering.stepper.starts) - 2
     failing(monkeypatch, lambda count: count <= attempts)
     [result] = list(scene("finite")[0].history([1.0]))
     assert result.converged and "step cut once" in result.message
@@ -68,7 +68,7 @@ def test_a_failed_step_is_cut_and_recovered(monkeypatch):
 def test_substeps_grow_after_a_success(monkeypatch):
     """A step that was cut to an eighth goes on in steps of 1, 2, 4 and what is left of eight."""
     solver, _ = scene("finite")
-    attempts = len(solver._answering.stepper.starts_from(None)) - 1
+    attempts = len(solver._answering.stepper.starts) - 2
     # the whole, the half and the quarter fail from every start, cold or warm
     failing(monkeypatch, lambda count: count <= 3 * attempts)
     [result] = list(scene("finite")[0].history([1.0]))

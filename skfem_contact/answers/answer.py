@@ -17,14 +17,14 @@ from scipy.sparse import block_diag, csr_matrix
 
 from skfem_contact.answers.validity.validity import Diagnostics
 from skfem_contact.arguments import numbers
-from skfem_contact.arrays import Array, Mask, cross, largest
+from skfem_contact.arrays import Array, Mask, cross
 from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.bodies.body import Body, body_nodes
 from skfem_contact.bodies.member import Member
 from skfem_contact.bodies.member import State as Internal
 from skfem_contact.bodies.selection import boundary_dofs
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.bodies.system import System, slices
+from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.friction import CheckedLaw
 from skfem_contact.conditions.friction_rule import friction_bound
@@ -135,7 +135,7 @@ class Placed:
     def seen(self, case: LoadCase, kin: Kinematics, model: LinearModel) -> LoadCase:
         """A load case for what is beyond here; springs that a model has besides resist `u` as well."""
         forces = self.internal.copy()
-        parts = slices(model.system.offsets), self.stiffness, model.stiffness
+        parts = model.system.spans, self.stiffness, model.stiffness
         for part, own, other in zip(*parts, strict=True):
             if own is not other and self.u[part].any():
                 forces[part] += (other - own) @ self.u[part]
@@ -155,7 +155,8 @@ def _of_rims(body: Any, slope: csr_matrix) -> csr_matrix:
     """The half of the derivative of a body's load that is not symmetric, but what supports bear."""
     odd = csr_matrix(0.5 * (slope - slope.T))
     row = np.repeat(np.arange(body.n), np.diff(odd.indptr))
-    odd.data[np.isin(row, body.D) | (np.abs(odd.data) <= COMPUTED * largest(np.abs(slope.data)))] = 0.0
+    least = COMPUTED * np.abs(slope.data).max(initial=0.0)
+    odd.data[np.isin(row, body.D) | (np.abs(odd.data) <= least)] = 0.0
     odd.eliminate_zeros()
     return odd
 

@@ -43,7 +43,7 @@ from skfem_contact.bodies.selection import displacements, pieces, tractions
 from skfem_contact.bodies.surface import ContactSurface, extract_surface
 from skfem_contact.errors import InputError, warn
 from skfem_contact.materials.elastic import Elastic, OfMaterial
-from skfem_contact.records import can_be_carried, carried, dataclass, seal
+from skfem_contact.records import can_be_carried, carried, dataclass, seal, sealed
 
 #: Bulk over shear modulus from which on elements may lock: a Poisson's ratio of .46, where four
 #: elements of first order under a contact give forces that are 6 % larger, over true ones, than at .3.
@@ -328,6 +328,7 @@ class Body(Meshed):
 
     def __getstate__(self) -> dict[str, Any]:
         known = dict(vars(self))
+        known.pop("dof_points", None)  # of the basis
         if self.measure is not None and self.components > 1:
             known["axisymmetric"] = self.axisymmetric  # what depends on it is told without it
         known["measure"] = carried(self.measure, f"measure of body {self.name or 'without name'!r}")
@@ -364,10 +365,10 @@ class Body(Meshed):
         """DOFs per node: `dim` for displacements, 1 for a scalar field."""
         return self.dim if isinstance(self.basis.elem, skfem.ElementVector) else 1
 
-    @property
+    @cached_property
     def dof_points(self) -> Array:
         """Position of every DOF, shape (n, d)."""
-        return np.ascontiguousarray(self.basis.doflocs.T, dtype=float)
+        return sealed(np.array(self.basis.doflocs.T, dtype=float, order="C"))
 
     @cached_property
     def dof_component(self) -> NDArray[Any]:

@@ -70,6 +70,11 @@ class System:
         return self.bodies[i].rigid_mode_names + (self.slides[i][1] if i in self.slides else ())
 
     @cached_property
+    def spans(self) -> list[slice]:
+        """The DOFs of each body."""
+        return slices(self.offsets)
+
+    @cached_property
     def n(self) -> int:
         """Number of DOFs of all bodies."""
         return int(self.offsets[-1])

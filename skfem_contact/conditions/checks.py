@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import structural_rank
 
-from skfem_contact.arrays import Array, Mask, largest
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.member import Meshed
 from skfem_contact.bodies.selection import written
 from skfem_contact.bodies.surface import ContactSurface
@@ -280,7 +280,7 @@ def _warn_penetration(contact: Contact, name: str, gap: Array, small: float) -> 
 
 def _warn_overlap(contact: Contact, name: str, gap: Array, interference: Array) -> None:
     """Overlaps, by the meshes or an interference, as large as the bodies."""
-    deepest = largest(np.maximum(-gap, interference))
+    deepest = float(np.maximum(-gap, interference).max(initial=0.0))
     if deepest == 0.0:
         return
     size = _smaller_extent(contact)

@@ -20,12 +20,31 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask, lengths, unit_vectors
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.digits import SINGLE
 
 # A trial force beyond any bound, for points that slip in a known direction. A power of two, so that the
 # force on the bound has no round-off; and its fourth power is still a number.
 BEYOND = 2.0**250
+
+
+def lengths(vectors: Array) -> Array:
+    """Lengths of tangential vectors (m, d-1), shape (m,); in every iteration, so it is quick."""
+    if vectors.shape[1] == 1:
+        return np.abs(vectors[:, 0])
+    return np.asarray(np.linalg.norm(vectors, axis=1))
+
+
+def unit_vectors(vectors: Array) -> Array:
+    """Vectors (k, d) over their lengths; those of length zero stay.
+
+    >>> unit_vectors(np.array([[3.0, 4.0], [0.0, 0.0]])).tolist()
+    [[0.6, 0.8], [0.0, 0.0]]
+    """
+    if vectors.shape[1] == 1:
+        return np.sign(vectors)
+    size = lengths(vectors)
+    return np.asarray(vectors / np.where(size > 0, size, 1.0)[:, None])
 
 
 class Derivatives(NamedTuple):
@@ -202,7 +221,7 @@ class FrictionRule:
     >>> law = CheckedLaw(Coulomb(0.5), "joint", np.zeros((1, 2)))
     >>> rule = FrictionRule(((slice(0, 1), law),), np.ones(1), np.zeros((1, 1)))
     >>> rule.project(np.array([[-3.0]]), np.array([2.0]), np.zeros((1, 1)))
-    (array([[-1.]]), array([ True]))
+    (array([[-1.]]), array([ True]), array([1.]))
     """
 
     def __init__(self, laws: Laws, area: Array, reference: Array) -> None:
@@ -218,25 +237,21 @@ class FrictionRule:
             for part, line in lines:
                 for whole, values in zip(self._line, line, strict=True):
                     whole[part] = values
-        self._known: tuple[Array, Array, Array] | None = None
 
     def since(self, reference: Array) -> FrictionRule:
         """The same laws at points that closed at other slips (m, d-1)."""
         rule = object.__new__(FrictionRule)
-        vars(rule).update(vars(self), reference=reference, _known=None)
+        vars(rule).update(vars(self), reference=reference)
         return rule
 
     def bound(self, normal_force: Array, slip: Array) -> Array:
-        """Bound of the friction force of every point, (m,) [force]; an iteration asks twice of one."""
-        known = self._known
-        if known is None or known[0] is not normal_force or known[1] is not slip:
-            pressing = np.maximum(normal_force, 0.0)
-            # areas of points that carry nothing, vertices of quadratic faces by mortar, may be negative
-            bound = np.maximum(self._line.at(pressing), 0.0)
-            for part, law in self._asked_alone:
-                bound[part] = law.limit(*self._counted(part, pressing, slip))
-            known = self._known = normal_force, slip, bound
-        return known[2]
+        """Bound of the friction force of every point, (m,) [force]."""
+        pressing = np.maximum(normal_force, 0.0)
+        # areas of points that carry nothing, vertices of quadratic faces by mortar, may be negative
+        bound = np.maximum(self._line.at(pressing), 0.0)
+        for part, law in self._asked_alone:
+            bound[part] = law.limit(*self._counted(part, pressing, slip))
+        return bound
 
     def slope(self, normal_force: Array, slip: Array) -> Array:
         """Derivative of the bound by the normal force, (m,)."""
@@ -246,11 +261,12 @@ class FrictionRule:
             slope[part] = law.slope(*self._counted(part, pressing, slip))
         return slope
 
-    def project(self, trial: Array, normal_force: Array, slip: Array) -> tuple[Array, Mask]:
-        """Friction forces (m, d-1) that trial forces come back to, and which points slip, (m,)."""
+    def project(self, trial: Array, normal_force: Array, slip: Array) -> tuple[Array, Mask, Array]:
+        """Friction forces (m, d-1) of trial forces, which points slip, and bounds, (m,) each."""
+        bound = self.bound(normal_force, slip)
         if self.by_bound:
-            return radial_return(trial, self.bound(normal_force, slip))
-        return self.mapped(trial, normal_force, slip)[:2]
+            return *radial_return(trial, bound), bound
+        return *self.mapped(trial, normal_force, slip)[:2], bound
 
     def mapped(self, trial: Array, normal_force: Array, slip: Array) -> Mapped:
         """The same forces and points, and the derivatives of the forces."""

@@ -86,23 +86,13 @@ class Geometry:
         stretches = [getattr(contact.secondary.body, "finite_strain", False) for contact in contacts]
         self.stretches = self.finite & np.repeat(stretches, counts)  # points whose areas change
         self.surface_dofs = surface_dofs(system, contacts)
-
-    @cached_property
-    def rank(self) -> Index:
-        """Places of the points in an order that their positions and normals make, shape (m,).
-
-        It does not depend on the order in which bodies, contacts and nodes were given.
-        """
-        kin = self.kin
-        order = np.lexsort(np.column_stack([kin.normal, kin.points]).T)
-        rank = np.empty_like(order)
-        rank[order] = np.arange(len(order))
-        return rank
-
-    @cached_property
-    def prescribed(self) -> Mask:
-        """Points of the undeformed bodies whose gap is prescribed, shape (m,)."""
-        return self.kin.paired & prescribed_rows(self.kin.B_n, self.system.D)
+        # points of the undeformed bodies whose gap is prescribed, (m,)
+        self.prescribed = self.kin.paired & prescribed_rows(self.kin.B_n, system.D)
+        # places of the points in an order that their positions and normals make, and not that in which
+        # bodies, contacts and nodes were given, (m,)
+        order = np.lexsort(np.column_stack([self.kin.normal, self.kin.points]).T)
+        self.rank = np.empty_like(order)
+        self.rank[order] = np.arange(len(order))
 
     @cached_property
     def identity(self) -> Identity:

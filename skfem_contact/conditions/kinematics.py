@@ -31,7 +31,6 @@ from skfem_contact.conditions.rows import (
     Sides,
     stacked_rows,
     tangential_rows,
-    with_columns,
     with_free_part,
 )
 from skfem_contact.digits import GIVEN
@@ -301,6 +300,8 @@ def join(parts: Sequence[Kinematics]) -> Kinematics:
     """All contacts in one numbering of points, in the order given."""
     if not parts:
         raise InputError("There is no contact: give at least one Contact.")
+    if len(parts) == 1:
+        return parts[0]
     names = "gap0 area points normal tangent paired tied bilateral action offset tilt vertex"
     values = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names.split()}
     first = np.cumsum([0, *(part.m for part in parts)])
@@ -330,6 +331,25 @@ def without_columns(kin: Kinematics, columns: Index) -> Kinematics:
         B_n=with_columns(kin.B_n, place, len(columns)),
         tangential=partial(_tangential_columns, kin, place, len(columns)),
     )
+
+
+def with_columns(B: csr_matrix, place: Index, count: int) -> csr_matrix:
+    """Columns moved to their new place, and left out where that is negative.
+
+    By hand, because slicing in SciPy goes over all columns of all bodies, for every new pairing.
+    """
+    column = place[B.indices]
+    keep = column >= 0
+    start = np.zeros(len(keep) + 1, dtype=B.indptr.dtype)
+    np.cumsum(keep, out=start[1:])
+    return csr_matrix((B.data[keep], column[keep], start[B.indptr]), shape=(B.shape[0], count))
+
+
+def columns_of(B: csr_matrix, span: slice) -> csr_matrix:
+    """Columns that follow each other, those of one body."""
+    place = np.full(B.shape[1], -1, dtype=B.indices.dtype)
+    place[span] = np.arange(span.stop - span.start)
+    return with_columns(B, place, span.stop - span.start)
 
 
 def _joined_tangential(parts: Sequence[Kinematics]) -> csr_matrix:

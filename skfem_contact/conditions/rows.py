@@ -287,25 +287,6 @@ def compliance_scale(B: csr_matrix, diagonal: Array) -> Array:
     return np.divide(1.0, total, out=np.zeros_like(total), where=total > 0)
 
 
-def with_columns(B: csr_matrix, place: Index, count: int) -> csr_matrix:
-    """Columns moved to their new place, and left out where that is negative.
-
-    By hand, because slicing in SciPy goes over all columns of all bodies, for every new pairing.
-    """
-    column = place[B.indices]
-    keep = column >= 0
-    start = np.zeros(len(keep) + 1, dtype=B.indptr.dtype)
-    np.cumsum(keep, out=start[1:])
-    return csr_matrix((B.data[keep], column[keep], start[B.indptr]), shape=(B.shape[0], count))
-
-
-def columns_of(B: csr_matrix, span: slice) -> csr_matrix:
-    """Columns that follow each other, those of one body."""
-    place = np.full(B.shape[1], -1, dtype=B.indices.dtype)
-    place[span] = np.arange(span.stop - span.start)
-    return with_columns(B, place, span.stop - span.start)
-
-
 def tangential_matrix(B_t: csr_matrix, spring: Array) -> csr_matrix:
     r"""Sum of the tangential contact elements of all points, ``K_t = B_t' diag(G) B_t``.
 

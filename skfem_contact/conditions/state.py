@@ -10,12 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import field, fields, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask, largest
+from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.digits import COMPUTED
 from skfem_contact.obstacles.obstacle import rotation_matrix, spin
@@ -148,8 +147,13 @@ class State(_History):
 
     normal: Array
 
-    def along(self, kin: Kinematics) -> LocalState:
-        """Components along the tangents of a pairing, after `transport` to its normals."""
+    def along(self, kin: Kinematics, point_slices: Sequence[slice] = ()) -> LocalState:
+        """Components along the tangents of a pairing, after `transport` to its normals.
+
+        With the points of each contact a vertex brings its history along, see `handed_on`.
+        """
+        if point_slices:
+            return self.handed_on(kin.vertex, point_slices).along(kin)
         vectors = self._friction
         if self.normal is not kin.normal and not np.array_equal(self.normal, kin.normal):
             vectors = transport(vectors, self.normal, kin.normal)
@@ -363,11 +367,6 @@ class LoadCase(ByFields):
         """The load without that of bolts, (n,) [force]."""
         bolts = self.bolts
         return self.f if bolts is None or bolts.applied is None else bolts.applied
-
-    @cached_property
-    def largest_force(self) -> float:
-        """Largest entry of the load; asked for by all that tells forces from round-off [force]."""
-        return largest(np.abs(self.f))
 
     def worn(self, depth: Array) -> LoadCase:
         """The same loads with gaps that are wider by a depth worn off, (m,)."""

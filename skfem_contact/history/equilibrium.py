@@ -14,9 +14,9 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.arrays import Array, Mask, largest, lengths
+from skfem_contact.arrays import Array, Mask
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.conditions.friction_rule import jumps_open, resisting_slips
+from skfem_contact.conditions.friction_rule import jumps_open, lengths, resisting_slips
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.motions import (
     BARELY,
@@ -31,7 +31,7 @@ from skfem_contact.conditions.motions import (
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
 from skfem_contact.digits import COMPUTED, GIVEN, SOLVED
 from skfem_contact.errors import NoEquilibrium, NotConverged, SingularMatrix
-from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, force_terms
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import TURNED, Stepper
 from skfem_contact.history.stepping import advance
 from skfem_contact.obstacles.obstacle import Faceted
@@ -89,13 +89,13 @@ class Grip:
         motions, state = attempt.problem.motions, attempt.local
         if attempt.model is not model:  # there DOFs are held that nothing holds
             motions = model.motions.seen_by(attempt.problem.kin)
-        most = largest(np.abs(state.normal_force))
-        floor = max(SOLVED * most, COMPUTED * force_terms(model, attempt.case))
+        most = float(np.abs(state.normal_force).max(initial=0.0))
+        floor = max(SOLVED * most, COMPUTED * attempt.terms)
         carrying = (state.status != OPEN) & (state.normal_force > floor)
         carrying |= motions.kin.never_opens
         stick = carrying & model.interface.slipping & (state.status == STICK)
         slips = carrying & (state.status == SLIP)
-        if np.count_nonzero(slips):
+        if not attempt.friction.steady and np.count_nonzero(slips):
             stick |= resisting_slips(model.interface.laws, state, slips)
         firmly = TURNED if model.geometry.follows else SOLVED
         return cls(motions, attempt, carrying, stick, max(most, floor, TINY), firmly)
@@ -110,9 +110,8 @@ class Grip:
         motions, carrying, stick = self.motions, self.carrying, self.stick
         share = self.attempt.local.normal_force / self.largest
         share[motions.kin.bilateral] = 1.0
-        enough = motions.held(carrying, stick, self.firmly)
-        if enough and motions.held(carrying * share**2, stick, GIVEN):
-            return False
+        if motions.held(carrying * share**2, stick, max(self.firmly, GIVEN)):
+            return False  # all the more so with the whole of their rows
         rows, across = motions.rows(carrying, stick), self._across()
         if null_space(np.concatenate([rows, across]), self.firmly).shape[1]:
             return True
@@ -151,7 +150,7 @@ class Grip:
             friction = lengths(state.tangential_force)
             full = self.stick & interface.frictional & (friction > 0) & (state.status == STICK)
             bound = self.attempt.friction_bound
-            moved = max(self.attempt.model.stiffest) * largest(np.abs(state.slip))
+            moved = max(self.attempt.model.stiffest) * np.abs(state.slip).max(initial=0.0)
             full &= friction >= (1 - SOLVED) * bound - COMPUTED * moved
         if not (np.count_nonzero(full) or self.idles):  # all that sticks holds, and that is enough
             return ()
@@ -202,11 +201,6 @@ class Verdict:
     advice: str = ""
     reached: bool = True
 
-    @property
-    def arrived(self) -> bool:
-        """Return whether there is an answer."""
-        return self.free is None and not self.advice
-
     def error(self, loop: str, result: ContactResult | None) -> NoEquilibrium | NotConverged:
         """The exception for a step that did not arrive, with the last state."""
         if self.free is not None:
@@ -224,6 +218,7 @@ class Verdict:
         return NotConverged(f"{failed}: {result.message}. {advice}", result)
 
 
+#: There is an answer.
 ARRIVED = Verdict()
 
 
@@ -245,6 +240,12 @@ class EquilibriumSearch:
         A motion by which statics alone shows that there is no equilibrium.
     grip : Grip or None
         What holds the bodies of an attempt that was good, where supports do not.
+    settled : Rest or None
+        The answer that leaves motions free, where it is one.
+    recovery : Recovery
+        What the displacements of the answer follow from.
+    places : tuple of str
+        What is to be said of bodies that may stand elsewhere.
     """
 
     stepper: Stepper
@@ -254,55 +255,46 @@ class EquilibriumSearch:
     rest: Rest | None = None
     refuted: Array | None = None
     grip: Grip | None = None
-
-    @property
-    def last(self) -> EquilibriumSearch:
-        """Itself: of bodies that are not linear there are many."""
-        return self
-
-    @property
-    def settled(self) -> Rest | None:
-        """The answer that leaves motions free, where it is one."""
-        return None if self.rest is None or self.rest.pull else self.rest
-
-    @property
-    def model(self) -> LinearModel:
-        """Return what is solved for, with the motions that it leaves free."""
-        return self.stepper.model
-
-    @property
-    def recovery(self) -> Recovery:
-        """Return what the displacements of the answer follow from."""
-        rest = self.settled
-        return Recovery.of(self.advance.attempt) if rest is None else rest.recover
-
-    @property
-    def places(self) -> tuple[str, ...]:
-        """Return what is to be said of bodies that may stand elsewhere."""
-        rest, grip, model = self.settled, self.grip, self.model
-        if rest is not None and rest.free.shape[1]:
-            return model.motions.indifferent(rest.free, rest.why)
-        if rest is not None:  # found on weak springs, and held by what carries
-            grip = Grip.of(model, rest.advance.attempt)
-        return () if grip is None else grip.adrift(model.interface)
+    settled: Rest | None = None
+    recovery: Recovery = field(init=False)
+    places: tuple[str, ...] = ()
 
     def find(self) -> Verdict:
         """Find the answer; where it leaves motions free, at the place that moves least."""
+        verdict = self._found()
+        if verdict.reached:
+            self._place()
+        return verdict
+
+    def _place(self) -> None:
+        """Find out where bodies stand, and whether they may stand elsewhere."""
+        rest, grip, model = self.settled, self.grip, self.stepper.model
+        self.recovery = Recovery.of(self.advance.attempt) if rest is None else rest.recover
+        if rest is not None and rest.free.shape[1]:
+            self.places = model.motions.indifferent(rest.free, rest.why)
+            return
+        if rest is not None:  # found on weak springs, and held by what carries
+            grip = Grip.of(model, rest.advance.attempt)
+        self.places = () if grip is None else grip.adrift(model.interface)
+
+    def _found(self) -> Verdict:
         model, f = self.stepper.model, self.step.target.f
         if model.loose.shape[1] and drives(model.motions, f, model.loose):
             return Verdict(model.loose, model.motions, EVEN_CLOSED, f, shown=SHOWN, reached=False)
         may_float = bool(model.motions.k)
         try:
-            self.advance = advance(self.stepper.held, self.step, self._doubt if may_float else None)
+            self.advance = advance(
+                self.stepper.pinned or self.stepper, self.step, self._doubt if may_float else None
+            )
         except SingularMatrix as error:  # round-off decides whether a free motion makes it so
             if not may_float:
                 raise
             return self._free(error)
-        good = self.advance.attempt.good
+        good = self.advance.good
         if may_float and good:
             self.grip = Grip.of(model, self.advance.attempt)
             if model.loose.shape[1] or self.grip.idles:
-                self.rest = self._try_settle()
+                self._come_to_rest(self._try_settle())
         rest = self.settled
         if rest is not None:
             rest.advance.trace[:0] = self.advance.trace
@@ -363,7 +355,7 @@ class EquilibriumSearch:
             return True
         if failed.at_limit:
             return False
-        self.rest = self._try_settle(last)
+        self._come_to_rest(self._try_settle(last))
         return self.settled is not None
 
     def _free(self, error: SingularMatrix) -> Verdict:
@@ -376,7 +368,7 @@ class EquilibriumSearch:
         motions, kin = model.motions, model.kin
         free = motions.free(kin.paired, kin.paired & model.interface.slipping)
         try:
-            self.rest = rest = self._settle(True)
+            rest = self._settle(True)
         except SingularMatrix:
             if not free.shape[1]:
                 raise error from None
@@ -386,8 +378,13 @@ class EquilibriumSearch:
             return Verdict(free, motions, f=self.step.target.f, reached=False)
         if rest.pull:
             return Verdict(rest.free, motions, pull=rest.pull, reached=False)
+        self._come_to_rest(rest)
         self.advance = rest.advance
         return self._judged()
+
+    def _come_to_rest(self, rest: Rest | None) -> None:
+        self.rest = rest
+        self.settled = None if rest is None or rest.pull else rest
 
     def _settle(self, last: bool) -> Rest | None:
         from skfem_contact.history.neutral_equilibrium import NeutralEquilibrium  # needed by few

@@ -1,17 +1,16 @@
-"""A load step, one attempt at it, and how far it has come."""
+"""A load step, one attempt at it, how far it has come, and the displacements that follow from it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import field
 from functools import cached_property
-from operator import mul
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from skfem_contact.answers.answer import Answer, Placed
-from skfem_contact.arrays import Array, lengths
+from skfem_contact.arrays import Array
 from skfem_contact.conditions.friction_rule import FrictionRule, friction_bound
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
@@ -49,7 +48,7 @@ def friction_energy(
     Overlaps of the meshes count as misfit that the loads' work has in it. `plastic` is the
     `plastic_slip` between the two, `bounds` the sum of the `friction_bound` of both.
     """
-    way = lengths(plastic)
+    way = np.linalg.norm(plastic, axis=1)
     friction = last.tangential_force + new.tangential_force
     pressing = last.normal_force + new.normal_force
     found = lost, residual = np.zeros((2, len(interface.point_slices)))
@@ -72,11 +71,6 @@ def plastic_slip(interface: Interface, last: LocalState, new: LocalState) -> Arr
     G = interface.stiffness[:, None]
     elastic = (new.tangential_force - last.tangential_force) / G  # zero where sticking is exact
     return np.where(interface.frictional[:, None], new.slip - last.slip - elastic, 0.0)
-
-
-def force_terms(model: LinearModel, case: LoadCase) -> float:
-    """The largest load, or product of stiffness and prescribed displacement [force]."""
-    return max(case.largest_force, *map(mul, model.stiffest, model.moves(case)))
 
 
 @dataclass(eq=False)
@@ -120,7 +114,8 @@ class Attempt:
     """One attempt at a load: how the loop ended, from which state, and on which pairing.
 
     `start` and `local` are the states before and after it, both along the tangents of its pairing;
-    `own_action` is where the forces act on the pairing of its answer, if that is another, (m, d).
+    `action`: where the forces act, on the pairing of its answer, (m, d). `terms`: the largest load, or
+    product of stiffness and prescribed displacement [force].
     `stateless` are shares of the bounds of points that have no state, where there are any, (m,); see
     `loops.starts.from_regularised`. `carried`: how much of the load is carried at most, where known.
     """
@@ -133,12 +128,13 @@ class Attempt:
     seen: LoadCase
     start: LocalState
     local: LocalState
+    action: Array
+    terms: float
+    friction: FrictionRule  # on its pairing
     mismatch: float = 0.0
     failure: str = ""
     travel: float = 0.0  # of the point that slid furthest, over what is allowed
-    own_action: Array | None = None
     culprit: int = -1  # the point whose partner or way made the attempt fail
-    friction: FrictionRule | None = None  # on its pairing
     stateless: Array | None = None
     carried: Carried | None = None
     origin: Placed | None = None
@@ -151,11 +147,6 @@ class Attempt:
     def state(self) -> State:
         """Return what is remembered of it."""
         return self.local.in_space(self.problem.kin)
-
-    @property
-    def action(self) -> Array:
-        """Return where the forces of the points act at its end, (m, d) [length]."""
-        return self.problem.kin.action if self.own_action is None else self.own_action
 
     @cached_property
     def plastic_slip(self) -> Array:
@@ -207,6 +198,7 @@ class Advance:
 
     energy: Array
     attempt: Attempt = field(init=False)
+    good: bool = False
     unsettled: Attempt | None = None
     trace: list[Record] = field(default_factory=list)
     cuts: int = 0
@@ -215,9 +207,9 @@ class Advance:
 
     def came_to(self, attempt: Attempt, done: float, aim: float) -> bool:
         """Whether the last attempt has arrived, at the part of the step between two shares of it."""
-        self.attempt, good = attempt, attempt.good
+        self.attempt, self.good = attempt, attempt.good
         self.trace.extend(attempt.outcome.trace)
-        if good:
+        if self.good:
             self.unsettled = None
             if attempt.model.interface.laws:
                 self.energy += attempt.energy
@@ -225,15 +217,7 @@ class Advance:
             self.unsettled = attempt
         if attempt.carried is not None:
             self.carried = done + (aim - done) * attempt.carried.share
-        return good
-
-    @property
-    def words(self) -> str:
-        """Say what else it took, for messages: cuts of the step."""
-        if not self.cuts:
-            return ""
-        times = "once" if self.cuts == 1 else f"{self.cuts} times"
-        return f", step cut {times}, substep {self.substeps}"
+        return self.good
 
 
 @dataclass(eq=False)
@@ -295,7 +279,7 @@ class Recovery:
         """Return what all displacements follow from."""
         if isinstance(self.found, Source):
             return self.found
-        source: Source = self.model.problem_on(None, None).source(*self.found)
+        source: Source = self.model.base.source(*self.found)
         return source
 
     def __call__(self) -> Array:
@@ -316,7 +300,8 @@ class Recovery:
         if not self.unknowns:
             return None
         bodies = self.model.bodies
-        points = self.model.problem_on(kin if self.moved else None, None).points
+        with single_threaded:
+            points = self.model.problem_on(kin if self.moved else None, None).points
         held = isinstance(bodies, Condensed) and bodies.P.shape[1] == 0
         return None if points is None else (points, held)
 
@@ -345,7 +330,7 @@ def _find_sources(some: Sequence[Recovery]) -> None:
         if not isinstance(recovery.found, Source) and "source" not in vars(recovery):
             groups.setdefault(id(recovery.model), []).append(recovery)
     for group in groups.values():
-        problem = group[0].model.problem_on(None, None)
+        problem = group[0].model.base
         sources = problem.sources([r.found for r in group if not isinstance(r.found, Source)])
         for recovery, source in zip(group, sources, strict=True):
             vars(recovery).setdefault("source", source)

@@ -20,14 +20,15 @@ are the same at each of these places. They are found in three steps, each only w
 from __future__ import annotations
 
 from dataclasses import replace
+from operator import mul
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Mask
+from skfem_contact.arrays import Array, Mask, size_of
 from skfem_contact.conditions.motions import NEAR, NOWHERE, RigidMotions, drives
 from skfem_contact.conditions.state import OPEN, State
 from skfem_contact.digits import COMPUTED, SINGLE, SOLVED
-from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery, force_terms
+from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import TURNED, Stepper, pins
 from skfem_contact.history.stepping import advance
 from skfem_contact.linalg.dense_factors import nonnegative_least_squares
@@ -158,6 +159,12 @@ class NeutralEquilibrium:
         """The bodies without springs."""
         return self.stepper.model
 
+    @property
+    def terms(self) -> float:
+        """The largest load, or product of stiffness and prescribed displacement [force]."""
+        model, case = self.model, self.step.target
+        return max(size_of(case.f), *map(mul, model.stiffest, model.moves(case)))
+
     def settle(self, last: bool) -> Rest | None:
         """The answer to a load of which nothing else came; None where there is none to be found.
 
@@ -206,7 +213,7 @@ class NeutralEquilibrium:
         springs = pins(self.model, free)
         twin, held = self.model.with_springs(springs), springs > 0
         Q = np.linalg.qr(self.model.motions.modes @ free)[0]
-        centre, floor = self.u_last, COMPUTED * force_terms(self.model, self.step.target)
+        centre, floor = self.u_last, COMPUTED * self.terms
         best: Rest | None = None
         nearest_left = np.inf
         for _ in range(ROUNDS):
@@ -287,7 +294,7 @@ class NeutralEquilibrium:
                 return None
             known = attempt.state
             forces.append(np.where(known.status != OPEN, known.normal_force, 0.0))
-        floor = COMPUTED * max(np.max(np.abs(forces)), force_terms(self.model, self.step.target))
+        floor = COMPUTED * max(np.max(np.abs(forces)), self.terms)
         carrying = forces[1] > np.maximum(FALLS * forces[0], floor)
         kin = attempt.problem.kin
         motions = self.model.motions.seen_by(kin)  # those of the springs' own model are held

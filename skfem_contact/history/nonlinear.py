@@ -41,7 +41,7 @@ from scipy.sparse import block_diag, csr_matrix
 
 from skfem_contact.answers.answer import Iteration, Placed, point_forces
 from skfem_contact.answers.validity.validity import A_TENTH
-from skfem_contact.arrays import Array, largest
+from skfem_contact.arrays import Array, size_of
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.normal_field import CORNER
 from skfem_contact.bodies.selection import written
@@ -61,7 +61,14 @@ from skfem_contact.errors import (
 from skfem_contact.history.equilibrium import ARRIVED, CORNERS, EquilibriumSearch, Verdict, at_corners
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import NOISE, Stepper
-from skfem_contact.history.stepping import AIM, LONGER, WHOLE_TURN, Bisection, settled, travelled
+from skfem_contact.history.stepping import (
+    AIM,
+    LONGER,
+    WHOLE_TURN,
+    Bisection,
+    settled,
+    travelled,
+)
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.linalg.multifrontal import MultifrontalCholesky
 from skfem_contact.loops.active_set import DECREASE, HALVINGS
@@ -70,6 +77,7 @@ from skfem_contact.records import copied, dataclass, sealed
 
 if TYPE_CHECKING:
     from skfem_contact.history.equilibrium import Known
+    from skfem_contact.history.neutral_equilibrium import Rest
 
 # Iterations of contact on one linearisation of bodies that are not linear, after the first of a step:
 # three took as many linearisations as an exact solution of contact each time, and two fewer of ten.
@@ -178,7 +186,7 @@ def holds(attempt: Attempt, u: Array) -> bool:
     wrong = (kin.B_n @ u)[closed] + seen.gap0[closed] - local.gap[closed]
     slip = (kin.B_t @ u).reshape(seen.slip0.shape) + seen.slip0 - local.slip
     wrong = np.append(wrong, slip[local.tangential_force != 0])
-    return largest(np.abs(wrong)) <= SOLVED * max(attempt.model.system.extent, largest(np.abs(u)))
+    return size_of(wrong) <= SOLVED * max(attempt.model.system.extent, size_of(u))
 
 
 def remarks(attempt: Attempt, placed: Placed) -> dict[str, str]:
@@ -320,8 +328,8 @@ class NonlinearSearch:
         What is to be said of the answer, see `remarks`.
     recovery : Recovery
         The displacements, which are known.
-    last : EquilibriumSearch
-        For the answer of the last linear problem that was looked into.
+    settled, places
+        Of the `EquilibriumSearch` for the last linear problem that was looked into.
     """
 
     stepper: Stepper
@@ -332,7 +340,8 @@ class NonlinearSearch:
     newton: list[Iteration] = field(default_factory=list)
     remarks: dict[str, str] = field(default_factory=dict)
     recovery: Recovery = field(init=False)
-    last: EquilibriumSearch = field(init=False)
+    settled: Rest | None = None
+    places: tuple[str, ...] = ()
     _now: Reached | None = None  # the last iterate beyond `placed`, of `advance.attempt`
     _led: Attempt | None = None  # the first of a part that leads a point around a corner
 
@@ -342,7 +351,6 @@ class NonlinearSearch:
         if model.interface.wear:
             raise InputError(WEAR)
         self.advance = way = Advance(np.zeros((2, len(model.interface.names))))
-        self.last = EquilibriumSearch(self.stepper, self.step, self.start)
         self.placed = Placed.of_start(model.system, model.stiffness, self.start)
         parts = Bisection(options.max_cuts, LONGER**-options.max_cuts)
         part = self.step
@@ -437,7 +445,7 @@ class NonlinearSearch:
             old, new, local = both = attempt.problem.kin, own[0], attempt.local
             # where forces balance, areas too are to be those of the answer: laws are by them
             apart, grown = geometry.mismatch(*both, by.barred), balanced * geometry.stretched(*both)
-            mismatch = max(apart, spun, largest(grown))
+            mismatch = max(apart, spun, float(grown.max(initial=0.0)))
             if mismatch > by.options.placement_tolerance:
                 partner = apart == mismatch
                 point = geometry.least_settled(*both) if partner else int(np.argmax(grown))
@@ -499,9 +507,9 @@ class NonlinearSearch:
                 verdict = search.find()
             if verdict.reached:
                 attempt = self._ended(search.advance.attempt)
-            if not verdict.arrived:
+            if verdict is not ARRIVED:
                 raise NoAnswer(NONE_NEAR, verdict)
-            self.last, u = search, search.recovery()
+            self.settled, self.places, u = search.settled, search.places, search.recovery()
             if attempt.model is model:  # and no springs hold it
                 attempt, u = refined(attempt, u, at)
             if not usable(attempt, u):
@@ -510,7 +518,7 @@ class NonlinearSearch:
                 break
             # linear problems are symmetric: what turns with the rims of fluids follows from answers
             found = at.rims @ (u - at.u)
-            if largest(np.abs(found - turned)) <= COMPUTED * largest(np.abs(target.f)):
+            if size_of(found - turned) <= COMPUTED * size_of(target.f):
                 break
             turned = secant.next(turned, found)
             step = replace(step, target=copied(target, f=target.f + turned), known=attempt.state)
@@ -591,7 +599,7 @@ class NonlinearSearch:
         """Say which body has DOFs that resist nothing where Newton's method begins; else nothing."""
         system, diagonals = self.stepper.model.system, self.stepper.model.diagonals
         for body, name, of_K in zip(system.bodies, system.names, diagonals, strict=True):
-            lost = np.setdiff1d(np.flatnonzero(of_K <= COMPUTED * largest(of_K)), body.D)
+            lost = np.setdiff1d(np.flatnonzero(of_K <= COMPUTED * of_K.max(initial=0.0)), body.D)
             if body.nonlinear and len(lost):
                 return NO_STIFFNESS.format(name, len(lost), written(body.dof_points[lost[0]]))
         return ""

@@ -18,7 +18,7 @@ from skfem_contact.arguments import number, numbers, shown, suggest
 from skfem_contact.arrays import Array, check_finite, check_size, same
 from skfem_contact.bodies.inputs import is_load
 from skfem_contact.bodies.member import Member
-from skfem_contact.bodies.system import System, slices
+from skfem_contact.bodies.system import System
 from skfem_contact.conditions.contact import Contact, field_values
 from skfem_contact.conditions.geometry import Geometry
 from skfem_contact.conditions.interface import point_slices
@@ -46,8 +46,7 @@ class StepReader:
     ) -> None:
         self.system, self.contacts, self.names, self.bolts = system, contacts, names, bolts
         self.kin, self._own, self.own_f = geometry.kin, geometry.interference, own_f
-        self.own_apart = own_apart
-        self._spans = slices(system.offsets)  # DOFs of each body
+        self.own_apart, self._spans = own_apart, system.spans
         self.point_slices = point_slices(contacts)
         d = self.kin.points.shape[1]
         self._still = (Motion.none(d),) * len(contacts)
@@ -63,7 +62,7 @@ class StepReader:
         """No load, no prescribed displacement, no interference: where a history begins."""
         return self._placed(np.zeros(self.kin.gap0.shape), self._still)
 
-    def resumed(self, start: LoadCase, found: Array) -> LoadCase:
+    def resumed(self, start: LoadCase, found: Array, own: bool = False) -> LoadCase:
         """The loads of a state to go on from: a multiple of own loads is one of those here.
 
         Bodies may have other loads and supports of their own in the solver that goes on. Where steps
@@ -74,18 +73,21 @@ class StepReader:
         start : LoadCase
         found : ndarray, shape (n,)
             Its prescribed displacements, with the places of such supports [length].
+        own : bool, optional
+            Whether it is a state of this very geometry, of which gaps and slips are known.
         """
         f, x = start.scale
         given = [start.interference[part] for part in self.point_slices]
-        own = [
+        ours = [
             was and np.array_equal(there, here)
             for was, there, here in zip(start.own, given, self._own, strict=True)
         ]
         return copied(
-            self._placed(start.interference, start.motion),
+            start if own else self._placed(start.interference, start.motion),
             f=start.applied if f is None else f * self.own_f,
             x=found if x is None else x * self.system.x,
-            own=tuple(own),
+            own=tuple(ours),
+            bolts=None,
             scale=start.scale,
             multiples=start.multiples,
             factor=start.factor,
@@ -367,7 +369,7 @@ class PartialResults:
     def add(self, answer: Answer, result: ContactResult, reader: StepReader) -> None:
         """Keep an answer and its result; `reader` knows the loads that a number stands for."""
         # a number stands for the loads, but not for those of bolts
-        named = answer.factor is None or bool(answer.bolt_names)
+        named = answer.factor is None or bool(reader.bolts)
         none = answer.case.f[:0]
         light = copied(answer) if named else _with_loads(answer, none, none)
         self._light.append((light, reader))
@@ -379,7 +381,7 @@ class PartialResults:
         for (light, reader), alive in zip(self._light, self._alive, strict=True):
             result = alive()
             if result is None:
-                if light.factor is not None and not light.bolt_names:
+                if light.factor is not None and not reader.bolts:
                     loads = reader.read(light.factor, light.case)
                     light = _with_loads(light, loads.f, loads.x)
                 result = ContactResult(light)

@@ -30,7 +30,7 @@ from skfem_contact.conditions.checks import check_loads
 from skfem_contact.conditions.state import LoadCase
 from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import InputError, LinearSolveError, SingularMatrix, warn
-from skfem_contact.history.equilibrium import EquilibriumSearch, Verdict
+from skfem_contact.history.equilibrium import ARRIVED, EquilibriumSearch, Verdict
 from skfem_contact.history.load_step import Attempt, LoadStep
 from skfem_contact.history.read import StepReader
 from skfem_contact.history.stepper import Stepper
@@ -74,7 +74,7 @@ class StepSolver(ByFields):
         """The answer under these loads; see `ContactSolver.solve` for the other arguments."""
         bolts = target.bolts
         solver = self if bolts is None or not bolts.given.any() else self._loosened(bolts.given)
-        with Workspace() as workspace:
+        with Workspace() as workspace, single_threaded:
             return solver._solved(target, start, guess, callback, throw, workspace)
 
     def _loosened(self, given: Mask) -> StepSolver:
@@ -131,17 +131,29 @@ class StepSolver(ByFields):
         if not verdict.reached:
             raise verdict.error(self.stepper.loop, None)
         result = self._answer(found, verdict, time.perf_counter() - begin)
-        arrived = verdict.arrived
+        arrived = verdict is ARRIVED
         if arrived:
             # multigrid ends at a share of the load, which is large where supports move bodies far
             if model.choice.few_steps and (left := certified(result).equilibrium) > SOLVED:
                 raise LinearSolveError(f"forces are balanced to {left:.1e} of the largest")
-            leaning = second_order(found.advance.attempt) if found.last.settled is None else {}
+            leaning = second_order(found.advance.attempt) if found.settled is None else {}
             self.watch.look(result, issued, leaning)
             _tell(result, getattr(found, "remarks", {}))
         if arrived or not throw:
             return result
         raise verdict.error(self.stepper.loop, ContactResult(result))
+
+    def begin(self, start: Any, guess: Any) -> tuple[Known, Known, LoadCase]:
+        """The states to go on from and to begin iterations with, and the loads to go on from."""
+        before = self.known(start, "start")
+        return before, self.known(guess, "guess"), self.loads(before)
+
+    def loads(self, start: Known) -> LoadCase:
+        """The loads that steps go on from, see `StepReader.resumed`."""
+        if start is None:
+            return self.reader.initial()
+        here = isinstance(start, Answer) and start.model.geometry is self.stepper.model.geometry
+        return self.reader.resumed(start.case, self.left(start).x, here)
 
     def left(self, start: Answer | SavedState) -> LoadCase:
         """The loads of a state to go on from, with the places that new supports find DOFs at.
@@ -178,7 +190,8 @@ class StepSolver(ByFields):
             usage = "give what solve(...) returned, or load_state(...)"
             check_kind(given, (ContactResult, SavedState), what, usage)
             start = given
-        if not self._own(start):
+        own = self._own(start)
+        if not own:
             self.stepper.model.geometry.identity.refuse(start.identity, what)
         if what == "start" and not start.converged:
             raise InputError(
@@ -187,13 +200,13 @@ class StepSolver(ByFields):
                 "`.results` of the exception) in smaller steps; as starting values alone this one can "
                 "be the `guess` of solve(...)."
             )
-        strange = sorted(set(start.bolt_names) - set(self.bolts.names))
+        strange = [] if own else sorted(set(start.bolt_names) - set(self.bolts.names))
         if strange:
             raise InputError(
                 f"{what} is a state with bolts {', '.join(map(repr, strange))}, which this solver does "
                 "not have: pass the same bolts=[...], with the same names"
             )
-        if what == "start":
+        if what == "start" and not own:
             words = self.reader.other_interference(start.case)
             if words:
                 warn(words)
@@ -218,13 +231,16 @@ class StepSolver(ByFields):
         start = found.start
         if start is not None:
             before = start.dissipation_before + start.dissipation_by_contact
-        newton, good = Newton(getattr(found, "newton", ())), attempt.good
+        newton, good = Newton(getattr(found, "newton", ())), verdict is ARRIVED
         message = "" if good else attempt.reason
         if good:  # with all rounds, attempts and substeps that came before the last one
             message = converged_words(len(way.trace)) + attempt.outcome.note
             message += f" of contact, {len(newton)} of the bodies" if newton else ""
         elif verdict.free is not None:
             message = NOTHING_HOLDS
+        if way.cuts:
+            times = "once" if way.cuts == 1 else f"{way.cuts} times"
+            message += f", step cut {times}, substep {way.substeps}"
         return Answer(
             model=model,
             contacts=model.interface.contacts,
@@ -237,7 +253,7 @@ class StepSolver(ByFields):
             plastic_slip=attempt.plastic_slip,
             mismatch=attempt.mismatch,
             converged=good,
-            message=message + way.words,
+            message=message,
             trace=tuple(way.trace),
             timings={**model.timings, "loop": seconds},
             dissipation_by_contact=way.energy[0],
@@ -247,7 +263,7 @@ class StepSolver(ByFields):
             conditions=attempt.outcome.iterate.conditions,
             factor=found.step.target.factor,
             linear=model.choice.said,
-            indifferent=found.last.places,
+            indifferent=found.places,
             before=attempt.start,
             parts=way.substeps,
             springs=attempt.problem.springs is not None,
@@ -292,27 +308,26 @@ def second_order(attempt: Attempt) -> dict[str, float]:
         return {}
     problem, seen = attempt.problem, attempt.seen
     load, response = attempt.load, attempt.outcome.iterate.response
-    with single_threaded:
-        source = problem.source(load, response)
-        u = problem.surface(source, attempt.posed(seen))
-        origin = 0.0 if attempt.origin is None else attempt.origin.u
-        f, found = np.array(seen.f), dict[RigidBody, tuple[float, Array]]()
-        for body in leaning:
-            moment, arm, along = _moment(attempt, body, u + origin)
-            dofs = system.slice(body).start + body.rotations
-            f[dofs] += moment / system.extent
-            found[body] = arm, along
-        if np.array_equal(f, seen.f):
-            return {}
-        turned = attempt.posed(replace(seen, f=f))
-        again = problem.load(turned)
-        if problem.springs is not None:  # which have no strain in the answer, and are none here
-            again = problem.at_forces(again, response.normal_force, response.tangential_force)
-        try:
-            other = problem.solve(attempt.outcome.iterate.conditions, again)
-        except (SingularMatrix, LinearSolveError):
-            return {}
-        change = problem.surface(problem.source(again, other), turned) - u
+    source = problem.source(load, response)
+    u = problem.surface(source, attempt.posed(seen))
+    origin = 0.0 if attempt.origin is None else attempt.origin.u
+    f, found = np.array(seen.f), dict[RigidBody, tuple[float, Array]]()
+    for body in leaning:
+        moment, arm, along = _moment(attempt, body, u + origin)
+        dofs = system.slice(body).start + body.rotations
+        f[dofs] += moment / system.extent
+        found[body] = arm, along
+    if np.array_equal(f, seen.f):
+        return {}
+    turned = attempt.posed(replace(seen, f=f))
+    again = problem.load(turned)
+    if problem.springs is not None:  # which have no strain in the answer, and are none here
+        again = problem.at_forces(again, response.normal_force, response.tangential_force)
+    try:
+        other = problem.solve(attempt.outcome.iterate.conditions, again)
+    except (SingularMatrix, LinearSolveError):
+        return {}
+    change = problem.surface(problem.source(again, other), turned) - u
     shares = {}
     for body, (arm, along) in found.items():
         part = system.slice(body)

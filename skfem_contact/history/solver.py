@@ -518,9 +518,7 @@ class ContactSolver(Variants):
         NotConverged, NoEquilibrium
             Carrying the last result.
         """
-        before = self._answering.known(start, "start")
-        known = self._answering.known(guess, "guess")
-        target = self._begin(before)
+        before, known, target = self._answering.begin(start, guess)
         given = {"f": f, "x": x, "interference": interference, "motion": motion, "bolt": bolt}
         named = {what: value for what, value in given.items() if value is not None}
         if named:
@@ -605,9 +603,7 @@ class ContactSolver(Variants):
         -0.0030 [2, 2, 2, 2, 2]
         """
         check_switch(progress, "history: progress")
-        before = self._answering.known(start, "start")
-        known = self._answering.known(guess, "guess")
-        target = self._begin(before)
+        before, known, target = self._answering.begin(start, guess)
         single = isinstance(steps, str | bytes | Mapping) or getattr(steps, "shape", None) == ()
         if single or not isinstance(steps, Iterable):
             raise InputError(
@@ -984,11 +980,6 @@ class ContactSolver(Variants):
         from skfem_contact.history.checkpoint import save_state
 
         return save_state(path, known)
-
-    def _begin(self, start: Answer | SavedState | None) -> LoadCase:
-        if start is None:
-            return self._reader.initial()
-        return self._reader.resumed(start.case, self._answering.left(start).x)
 
     @known_keywords()
     def load_state(self, path: str | Path) -> SavedState:

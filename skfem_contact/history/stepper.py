@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
+from operator import mul
 
 import numpy as np
 from scipy.linalg import qr
@@ -13,11 +14,11 @@ from skfem_contact.arguments import NAMED
 from skfem_contact.arrays import Array, Mask
 from skfem_contact.conditions.friction import Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule, jumps_open
+from skfem_contact.conditions.kinematics import prescribed_rows, prescribed_tangents
 from skfem_contact.conditions.motions import balanced
-from skfem_contact.conditions.state import OPEN, LoadCase, LocalState, State
+from skfem_contact.conditions.state import OPEN, LoadCase, LocalState
 from skfem_contact.errors import ConstraintError
 from skfem_contact.history.load_step import Attempt, LoadStep
-from skfem_contact.linalg.dense_factors import single_threaded
 from skfem_contact.loops.active_set import friction_of_prescribed_slip
 from skfem_contact.loops.driver import LOOPS, Options, Outcome, drive
 from skfem_contact.loops.multipliers import Collision
@@ -60,13 +61,9 @@ class Stepper(ByFields):
     options: Options
     barred: Mask | None = None
 
-    @property
-    def held(self) -> Stepper:
-        """Itself; where motions stay free whatever contact does, with as many DOFs held."""
-        return self._pinned or self  # kept apart: a cycle would keep the memory of the factors
-
     @cached_property
-    def _pinned(self) -> Stepper | None:
+    def pinned(self) -> Stepper | None:
+        """Where motions stay free whatever contact does, the same with as many DOFs held."""
         if not self.model.loose.shape[1]:
             return None
         return replace(self, model=self.model.with_springs(pins(self.model, self.model.loose)))
@@ -81,10 +78,6 @@ class Stepper(ByFields):
         one_way = self.model.choice.condenses and not follows and self.options.max_cuts > 0
         found = possible_starts(len(interface.stiffness), self.loop, turns, one_way)
         return tuple(found)
-
-    def starts_from(self, known: State | None) -> list[str]:
-        """Return where attempts begin that go on from a state, or from nothing."""
-        return [start for start in self.starts if start != ("warm" if known is None else "cold")]
 
     @cached_property
     def jumps(self) -> bool:
@@ -112,47 +105,49 @@ class Stepper(ByFields):
         interface, options = self.model.interface, self.options
         kin, target = problem.kin, to.target
         # a vertex brings its history along to the point that carries its row now
-        last = to.state.handed_on(kin.vertex, interface.point_slices).along(kin)
+        last = to.state.along(kin, interface.point_slices)
         begin = last
         if to.known is not None and to.known is not to.state:
-            begin = to.known.handed_on(kin.vertex, interface.point_slices).along(kin)
-        # how far supports are moved, and what that makes of the softest body's stiffness
-        moved = max(self.model.moves(target))
-        softest = min(self.model.stiffest)  # the bodies' own K may have been replaced
-        noise = NOISE * max(target.largest_force, softest * moved)
-        with single_threaded:
-            seen = self._seen(problem, target, last, to.before)
-            counted = seen if to.origin is None else to.origin.seen(seen, kin, self.model)
-            load = problem.load(counted)
-            step = self._step(problem, load, last, noise, moved)
-            dense = step
-            points = self.model.on_points(problem) if start in DENSE else problem
-            if points is not problem:
-                dense = replace(step, problem=points, load=points.load(counted))
-            loop = LOOPS[self.loop]
-            limit = options.max_iterations or loop.most
-            try:
-                found = starting_values(
-                    start,
-                    begin,
-                    step,
-                    options.tolerance,
-                    self.loop,
-                    dense,
-                    lambda: points.load(self._seen(problem, to.before, last, to.before)),
-                )
-                given = step, found.guess, options.tolerance, limit, to.callback, loop.patience
-                outcome = found.ended(drive(loop.iterates, *given), dense is step or start not in DENSE)
-            except Collision as collision:
-                raise self._contradiction(collision, problem, seen) from None
-            local = self._state(step, outcome, to, problem, seen, counted)
-        strained = NOISE * max(self.model.stiffest) * moved
+            begin = to.known.along(kin, interface.point_slices)
+        # how far supports are moved, and what that makes of the softest body's stiffness; the bodies'
+        # own K may have been replaced
+        moves, stiffest = self.model.moves(target), self.model.stiffest
+        moved = max(moves)
+        pull = float(np.abs(target.f).max(initial=0.0))
+        noise = NOISE * max(pull, min(stiffest) * moved)
+        seen = self._seen(problem, target, last, to.before)
+        counted = seen if to.origin is None else to.origin.seen(seen, kin, self.model)
+        load = problem.load(counted)
+        step = self._step(problem, load, last, noise, moved)
+        dense = step
+        points = self.model.on_points(problem) if start in DENSE else problem
+        if points is not problem:
+            dense = replace(step, problem=points, load=points.load(counted))
+        loop = LOOPS[self.loop]
+        limit = options.max_iterations or loop.most
+        try:
+            found = starting_values(
+                start,
+                begin,
+                step,
+                options.tolerance,
+                self.loop,
+                dense,
+                lambda: points.load(self._seen(problem, to.before, last, to.before)),
+            )
+            given = step, found.guess, options.tolerance, limit, to.callback, loop.patience
+            outcome = found.ended(drive(loop.iterates, *given), dense is step or start not in DENSE)
+        except Collision as collision:
+            raise self._contradiction(collision, problem, seen) from None
+        local = self._state(step, outcome, to, problem, seen, counted)
+        strained = NOISE * max(stiffest) * moved
         failure = "" if balanced(problem.motions, target.f, local, noise, strained) else RAN_AWAY
-        ended = outcome, self.model, problem, load, target, seen, last, local
+        ended = outcome, self.model, problem, load, target, seen, last, local, kin.action
         return Attempt(
             *ended,
+            max(pull, *map(mul, stiffest, moves)),
+            step.friction,
             failure=failure,
-            friction=step.friction,
             stateless=found.stateless,
             carried=found.carried,
             origin=to.origin,
@@ -198,11 +193,13 @@ class Stepper(ByFields):
         if known is not None:
             return known.under(load, last, noise, far)
         interface, kin = self.model.interface, problem.kin
-        paired = kin.paired & (interface.bilateral | problem.able)
+        D = self.model.system.D
+        # where a gap is prescribed D carries the force instead, and any friction where a slip is
+        paired = kin.paired & (interface.bilateral | ~prescribed_rows(kin.B_n, D))
         if self.barred is not None:
             paired &= ~self.barred
         frictional, guided, slip_prescribed_along = interface.frictional & paired, None, None
-        if interface.laws and np.count_nonzero(along := problem.prescribed_tangents):
+        if interface.laws and np.count_nonzero(along := prescribed_tangents(kin, D)):
             # without tangents (scalar problems) there are no laws
             if np.count_nonzero(whole := along.all(axis=1)):
                 guided, frictional = whole & interface.frictional, frictional & ~whole

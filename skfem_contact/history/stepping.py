@@ -28,10 +28,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Mask, lengths
+from skfem_contact.arrays import Array, Mask
+from skfem_contact.conditions.friction_rule import lengths
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
-from skfem_contact.conditions.state import OPEN, LocalState
+from skfem_contact.conditions.state import OPEN, LocalState, State
 from skfem_contact.digits import COMPUTED, GIVEN, NEWTON_STEPS, SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep
@@ -134,7 +135,7 @@ def advance(
     so_far = Advance(np.zeros((2, len(interface.names))))
     parts = Bisection(by.options.max_cuts, LONGER**-by.options.max_cuts)
     part = step  # that is attempted: from where the parts before it have come to
-    starts = by.starts_from(step.known)
+    starts = _starts(by, step.known)
     freed: Attempt | None = None  # of pivoting, which has left a motion free
     while True:
         aim = parts.aim
@@ -156,7 +157,7 @@ def advance(
             return so_far
         if good:
             part = replace(part, state=attempt.state, before=part.target, known=attempt.state)
-            starts = by.starts_from(attempt.state)
+            starts = _starts(by, attempt.state)
             so_far.substeps += 1
             parts.go_on(attempt.travel)
         elif freed is not None:
@@ -181,7 +182,12 @@ def advance(
             so_far.cuts += 1
             parts.cut(attempt.travel)
             logger.info("step cut to %.4g of its size: %s", parts.share, attempt.reason)
-            part, starts = replace(part, known=part.state), by.starts_from(part.state)
+            part, starts = replace(part, known=part.state), _starts(by, part.state)
+
+
+def _starts(by: Stepper, known: State | None) -> list[str]:
+    """Where attempts begin that go on from a state, or from nothing."""
+    return [start for start in by.starts if start != ("warm" if known is None else "cold")]
 
 
 def _first_held(by: Stepper, part: LoadStep, starts: list[str]) -> Attempt | None:
@@ -214,7 +220,7 @@ def attempted(by: Stepper, step: LoadStep, start: str) -> Attempt:
     if step.pairing is not None:  # renewed by somebody else
         return by.attempt(step, model.problem_on(*step.pairing), start)
     if not (worn or model.geometry.follows):  # as nearly always
-        return by.attempt(step, step.workspace.borrowed(model.problem_on(None, None)), start)
+        return by.attempt(step, step.workspace.borrowed(model.base), start)
     if not interface.wear:
         return _with_depth(by, step, start, last.wear)
     depth, secant, trace = last.wear, Anderson(), list[Record]()
@@ -270,7 +276,7 @@ def on_own_pairing(by: Stepper, step: LoadStep, start: str) -> Attempt:
     model, options = by.model, by.options
     geometry, case = model.geometry, step.target
     if not geometry.follows:
-        return by.attempt(step, step.workspace.borrowed(model.problem_on(None, None)), start)
+        return by.attempt(step, step.workspace.borrowed(model.base), start)
     at = step.state.surface + step.share * step.state.trend
     u = geometry.predicted(at, case)
     problem = model.problem_on(geometry.at(u, case), u)
@@ -321,7 +327,7 @@ def settled(by: Stepper, attempt: Attempt, own: Kinematics, mismatch: float) -> 
     local = attempt.local
     gap = np.where(by.model.geometry.finite & (local.status == OPEN), own.gap0, local.gap)
     # an obstacle takes its points along without another condition, and forces act where they are now
-    attempt = replace(attempt, mismatch=mismatch, local=replace(local, gap=gap), own_action=own.action)
+    attempt = replace(attempt, mismatch=mismatch, local=replace(local, gap=gap), action=own.action)
     return travelled(by, attempt)
 
 

@@ -27,10 +27,11 @@ __getattr__, __dir__ = entrances(
     {
         "amg": "AMG conjugate_gradients hierarchy",
         "backend": "Backend",
-        "dense_factors": "cholesky factorised lu nonnegative_least_squares Limits single_threaded",
+        "dense_factors": "cholesky definite_inverse factorised Limits lu nonnegative_least_squares "
+        "single_threaded",
         "direct": "as_linear_solver Direct FromSolver",
         "krylov": "Anderson gmres",
-        "multifrontal": "MultifrontalCholesky SurfaceResponse",
-        "fronts": "analyse dissect dissection_order factor_size find_runs",
+        "multifrontal": "find_runs MultifrontalCholesky SurfaceResponse",
+        "fronts": "analyse dissect dissection_order factor_size",
     },
 )

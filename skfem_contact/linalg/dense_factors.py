@@ -290,6 +290,49 @@ def factorised(A: Array, symmetric: bool) -> DenseFactors:
     raise SingularMatrix("the matrix of the contact problem is singular")
 
 
+def definite_inverse(A: Array, least: float = 0.0) -> Array:
+    """Inverse of a symmetric positive definite matrix, in its place; exactly symmetric.
+
+    Rows whose pivot, of a unit diagonal, is below `least` are refused: they depend on others. No
+    diagonal entry is zero.
+
+    Raises
+    ------
+    LinAlgError
+        Rows depend on each other; `A` is lost.
+    """
+    own = A.diagonal().copy()
+    factors = cholesky(A.T, overwrite=True)
+    if least and np.min(factors.diagonal / np.sqrt(own), initial=1.0) < least:
+        raise LinAlgError("dependent contact rows")
+    return factors.inverse()
+
+
+def indefinite_inverse(A: Array, least: float = 0.0) -> Array:
+    """Inverse of a symmetric matrix that is not positive definite, as of bodies that are not stable.
+
+    Rows are refused as by `definite_inverse`, by the square of `least`.
+
+    Raises
+    ------
+    LinAlgError
+        Rows depend on each other; `A` is lost.
+    """
+    size = np.sqrt(np.max(np.abs(A), axis=1))
+    if not np.all((size > 0) & np.isfinite(size)):  # a tangent that a bad iterate has spoiled
+        raise LinAlgError("contact rows without a finite flexibility")
+    A /= size
+    A /= size[:, None]
+    factors = lu(A)
+    if least and not factors.even(least**2):
+        raise LinAlgError("dependent contact rows")
+    inverse = factors.solve(np.eye(len(A)))
+    inverse /= size
+    inverse /= size[:, None]
+    symmetrise(inverse)
+    return inverse
+
+
 def symmetrise(A: Array) -> None:
     """``(A + A') / 2``.
 

@@ -322,14 +322,6 @@ class Fronts:
         return float(np.sum(p**3 / 3 + p**2 * b + p * b**2))
 
     @property
-    def odd(self) -> list[bool]:
-        """Return whether the way from each front to the last one has an odd number of steps."""
-        odd = [False] * self.parent.size
-        for front in range(self.parent.size - 2, -1, -1):
-            odd[front] = not odd[self.parent[front]]
-        return odd
-
-    @property
     def waiting(self) -> int:
         """Most entries of leftovers that are there at a time, see `Leftovers`."""
         left = (np.diff(self.first) ** 2).tolist()
@@ -422,26 +414,6 @@ def lower_entries(
         yield which + begins[0], i, j, i >= end.take(j)
 
 
-def find_runs(fronts: Fronts) -> list[list[tuple[int, int, int]]]:
-    """For each front, where its border is consecutive in the parent: runs of the border and their rows.
-
-    A run ``(a, b, i)`` is the border from a to b, which are the rows from i on in the parent: all of
-    them pivots there, or none.
-    """
-    size, pivots = np.diff(fronts.first), np.diff(fronts.start)
-    begins = np.ones(fronts.target.size, dtype=bool)
-    begins[1:] = np.diff(fronts.target) != 1
-    begins[fronts.first[:-1][size > 0]] = True
-    begins |= fronts.target == np.repeat(np.append(pivots, 0)[fronts.parent], size)
-    cuts = np.append(np.flatnonzero(begins), fronts.target.size)
-    bounds = np.searchsorted(cuts, fronts.first)
-    begin, end, row = cuts[:-1], cuts[1:], fronts.target[cuts[:-1]]
-    offset = np.repeat(fronts.first[:-1], np.diff(bounds))
-    local = (begin - offset).tolist(), (end - offset).tolist(), row.tolist()
-    runs = list(zip(*local, strict=True))
-    return [runs[a:b] for a, b in pairwise(bounds.tolist())]
-
-
 def checked_matrix(
     K: Any, points: np.ndarray, keep: Any, free: np.ndarray | None = None
 ) -> tuple[Any, np.ndarray, np.ndarray]:
@@ -526,16 +498,6 @@ def _places(
         i, j = i[far], j[far]
         place[far] = beyond.take(j) + np.searchsorted(fronts.keys, front.take(j) * front.size + i)
         yield which, place
-
-
-def panels(data: np.ndarray, fronts: Fronts) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Views of ``F11`` and ``F21``, transposed, in the storage of all factors."""
-    begin = fronts.panel.tolist()
-    sizes = zip(np.diff(fronts.start).tolist(), np.diff(fronts.first).tolist(), strict=True)
-    return [
-        (data[o : o + p * p].reshape(p, p), data[o + p * p : o + p * (p + b)].reshape(p, b))
-        for o, (p, b) in zip(begin[:-2], sizes, strict=False)  # without what is kept
-    ]
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ from skfem_contact.linalg.backend import (
     smallest_eigenvalue,
 )
 from skfem_contact.linalg.dense_factors import ROWS_AT_ONCE, mirror, single_threaded
-from skfem_contact.linalg.fronts import LEAF, Fronts, Pattern, checked_matrix, find_runs, panels
+from skfem_contact.linalg.fronts import LEAF, Fronts, Pattern, checked_matrix
 
 
 class MultifrontalCholesky(BodyFactor):
@@ -94,8 +94,8 @@ class MultifrontalCholesky(BodyFactor):
 
     Notes
     -----
-    It limits BLAS to one thread: most fronts are too small to
-    be shared, and two threads have been seen to take 30 times as long.
+    Most fronts are too small to be shared: whoever makes it, or solves with it, does so
+    ``with single_threaded``. Two BLAS threads have been seen to take 30 times as long.
 
     Examples
     --------
@@ -133,8 +133,7 @@ class MultifrontalCholesky(BodyFactor):
         self.panels = panels(self._data, fronts)
         self.borders = [fronts.border[a:b] for a, b in pairwise(fronts.first.tolist())]
         diagonal = K.diagonal() if free is None else K.diagonal()[free]
-        with single_threaded:
-            self._factorise(diagonal[fronts.order], points)
+        self._factorise(diagonal[fronts.order], points)
         if self.pivot_ratio < SUSPICIOUS:
             self._check_eigenvalue(diagonal, points)
         mirror(self.S.T)  # LAPACK has filled what is above the diagonal
@@ -171,8 +170,7 @@ class MultifrontalCholesky(BodyFactor):
         """
         f = np.asarray(f, dtype=float)
         x = f.reshape(len(f), math.prod(f.shape[1:]))[self.fronts.order]
-        with single_threaded:
-            self._forward(x)
+        self._forward(x)
         return x
 
     def substitute(self, u_keep: np.ndarray, eliminated: np.ndarray) -> np.ndarray:
@@ -191,8 +189,7 @@ class MultifrontalCholesky(BodyFactor):
             Displacements of the DOFs `order`.
         """
         eliminated[self.fronts.start[-2] :] = u_keep
-        with single_threaded:
-            self._backward(eliminated)
+        self._backward(eliminated)
         return eliminated
 
     def recover(self, u_keep: np.ndarray, f: np.ndarray | None = None) -> np.ndarray:
@@ -212,9 +209,10 @@ class MultifrontalCholesky(BodyFactor):
         u_keep = np.asarray(u_keep, dtype=float)
         shape = (self.fronts.order.size, *u_keep.shape[1:])
         flat = u_keep.reshape(len(u_keep), math.prod(shape[1:]))
-        x = np.zeros((shape[0], flat.shape[1])) if f is None else self.eliminate(f)
-        u = np.empty_like(x)
-        u[self.fronts.order] = self.substitute(flat, x)
+        with single_threaded:  # for those who solve with it by themselves
+            x = np.zeros((shape[0], flat.shape[1])) if f is None else self.eliminate(f)
+            u = np.empty_like(x)
+            u[self.fronts.order] = self.substitute(flat, x)
         return u.reshape(shape)
 
     @np.errstate(all="ignore")  # the triangles that do not count hold whatever was in memory
@@ -278,6 +276,36 @@ class MultifrontalCholesky(BodyFactor):
                 y[:] = dtrsm(1.0, L11.T, less, side=1, lower=1, overwrite_b=1).T
 
 
+def panels(data: np.ndarray, fronts: Fronts) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Views of ``F11`` and ``F21``, transposed, in the storage of all factors."""
+    begin = fronts.panel.tolist()
+    sizes = zip(np.diff(fronts.start).tolist(), np.diff(fronts.first).tolist(), strict=True)
+    return [
+        (data[o : o + p * p].reshape(p, p), data[o + p * p : o + p * (p + b)].reshape(p, b))
+        for o, (p, b) in zip(begin[:-2], sizes, strict=False)  # without what is kept
+    ]
+
+
+def find_runs(fronts: Fronts) -> list[list[tuple[int, int, int]]]:
+    """For each front, where its border is consecutive in the parent: runs of the border and their rows.
+
+    A run ``(a, b, i)`` is the border from a to b, which are the rows from i on in the parent: all of
+    them pivots there, or none.
+    """
+    size, pivots = np.diff(fronts.first), np.diff(fronts.start)
+    begins = np.ones(fronts.target.size, dtype=bool)
+    begins[1:] = np.diff(fronts.target) != 1
+    begins[fronts.first[:-1][size > 0]] = True
+    begins |= fronts.target == np.repeat(np.append(pivots, 0)[fronts.parent], size)
+    cuts = np.append(np.flatnonzero(begins), fronts.target.size)
+    bounds = np.searchsorted(cuts, fronts.first)
+    begin, end, row = cuts[:-1], cuts[1:], fronts.target[cuts[:-1]]
+    offset = np.repeat(fronts.first[:-1], np.diff(bounds))
+    local = (begin - offset).tolist(), (end - offset).tolist(), row.tolist()
+    runs = list(zip(*local, strict=True))
+    return [runs[a:b] for a, b in pairwise(bounds.tolist())]
+
+
 class Leftovers:
     """Memory of what fronts leave to their parents: one array for all, filled from both ends.
 
@@ -290,7 +318,10 @@ class Leftovers:
 
     def __init__(self, fronts: Fronts, S: np.ndarray) -> None:
         self._sizes = np.diff(fronts.first).tolist()
-        self._odd = fronts.odd
+        # whether the way from each front to the last one has an odd number of steps
+        self._odd = [False] * fronts.parent.size
+        for front in range(fronts.parent.size - 2, -1, -1):
+            self._odd[front] = not self._odd[fronts.parent[front]]
         self._memory = np.empty(fronts.waiting)
         self._used = [0, 0]  # entries at either end
         self._taken = {fronts.parent.size - 2: S}

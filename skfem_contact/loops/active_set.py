@@ -43,8 +43,8 @@ from functools import cached_property
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask, lengths
-from skfem_contact.conditions.friction_rule import BEYOND, grows
+from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.conditions.friction_rule import BEYOND, grows, lengths
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState
 from skfem_contact.digits import COMPUTED, GIVEN, SINGLE
 from skfem_contact.loops.step import Guess, Iterate, Step, stabilise
@@ -269,6 +269,11 @@ class Projection:
             return trial
         return np.where(step.exact[:, None], trial, step.trial(response.slip))
 
+    @cached_property
+    def bound(self) -> Array:
+        """The bound of friction under the normal forces of `closed`, (m,) [force]."""
+        return self.step.friction.bound(self.closed[1], self.response.slip)
+
     # -- what the state asks for ----------------------------------------------
 
     def proposal(self, current: Guess) -> Guess:
@@ -307,7 +312,7 @@ class Projection:
         """
         step, response, trial = self.step, self.response, self.pushing
         was_stick, was_slip = current.status == STICK, current.status == SLIP
-        bound = step.friction.bound(self.closed[1], response.slip)
+        bound = self.bound
         if np.count_nonzero(was_slip):
             # along its direction the friction of a point that slips is the bound, also where a bound
             # that is not linear, or lags, has given another
@@ -352,7 +357,7 @@ class Projection:
             return np.zeros(response.slip.shape)
         trial = self.pushing if resistance is None else self._pushing(resistance)
         closed, force = self.closed
-        friction, _ = step.friction.project(trial, force, response.slip)
+        friction, _, self.bound = step.friction.project(trial, force, response.slip)
         if step.closed_for_good is not None:
             friction = np.where(step.tied[:, None], trial, friction)
         tangential = response.tangential_force - np.where(closed[:, None], friction, 0.0)
@@ -374,7 +379,7 @@ class Projection:
         direction.
         """
         step, response, rho, scale = self.step, self.response, self.rho, self.force_scale
-        normal, tangential = (np.abs(self.left_over[0]), lengths(self.left_over[1]))
+        normal, tangential = np.abs(self.left_over[0]), _sizes(self.left_over[1])
         slip_scale = self.slip_scale
         allowed = max(step.noise, tolerance * scale)
         known = NO_VIOLATION * np.maximum(rho.normal * self.gap_scale, rho.tangential * slip_scale)
@@ -390,7 +395,7 @@ class Projection:
             return wrong, 0.0
         if slip_scale > 0.0 and not np.count_nonzero(wrong):
             turned = self._left_along(np.maximum(rho.tangential, scale / slip_scale))
-            left = np.maximum(left, lengths(turned))
+            left = np.maximum(left, _sizes(turned))
         return wrong, float(left.max(initial=0.0) / scale)
 
 
@@ -450,6 +455,11 @@ def products(a: Array, b: Array) -> Array:
     return np.asarray(np.einsum("ik,ik->i", a, b))
 
 
+def _sizes(vectors: Array) -> Array:
+    """Lengths of vectors (m, d-1), (m,), where squares below the smallest number do not matter."""
+    return np.asarray(np.sqrt(products(vectors, vectors)))
+
+
 def longest(vectors: Array) -> float:
     """The length of the longest vector (m, d-1), zero of none."""
     return float(np.sqrt(products(vectors, vectors).max(initial=0.0)))
@@ -495,7 +505,7 @@ def friction_of_prescribed_slip(
     # exact sticking gives way to any slip
     exact = np.where(moves[:, None], BEYOND * along, step.last.tangential_force)
     trial = np.where(step.exact[:, None], exact, step.trial(response.slip))
-    force, slips = step.friction.project(trial, response.normal_force, response.slip)
+    force, slips, _ = step.friction.project(trial, response.normal_force, response.slip)
     slips |= moves & step.exact
     return (
         np.where(at, np.where(slips, SLIP, STICK), status),

@@ -90,7 +90,7 @@ def _fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]
     """
     # by what the law is exceeded where the guess presses: none where nothing is known
     trial = step.trial(guess.slip)
-    mapped, _ = step.friction.project(trial, guess.normal_force, guess.slip)
+    mapped, _, _ = step.friction.project(trial, guess.normal_force, guess.slip)
     known = step.frictional & (guess.normal_force > 0)
     excess = np.where(known[:, None], mapped - trial, 0.0)
     mixing = Anderson(depth=7)
@@ -112,7 +112,7 @@ def _fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]
         )
         response = step.problem.solve(conditions, step.load)
         trial = step.trial(response.slip)
-        mapped, slips = step.friction.project(trial, response.normal_force, response.slip)
+        mapped, slips, _ = step.friction.project(trial, response.normal_force, response.slip)
         error = np.where(elastic[:, None], mapped - response.tangential_force, 0.0)
         scale = largest_force(response)
         residual = float(np.max(np.abs(error), initial=0.0) / scale) if scale > 0 else 0.0

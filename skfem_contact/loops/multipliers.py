@@ -26,7 +26,8 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from skfem_contact.arrays import Array, Index, Mask, largest, lengths, size_of
+from skfem_contact.arrays import Array, Index, Mask, size_of
+from skfem_contact.conditions.friction_rule import lengths
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.rows import stacked_rows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK
@@ -312,7 +313,7 @@ def _allowed(step: Step, iterate: Iterate, force: Array) -> bool:
     Normal forces (m,) come first. An answer is one to the tolerance of its loop.
     """
     n, tau = np.split(force, [len(iterate.status)])
-    before, known = iterate.response, COMPUTED * largest(np.abs(force))
+    before, known = iterate.response, COMPUTED * size_of(force)
     sticks = iterate.conditions.stick & step.frictional
     beyond = step.friction.excess(tau.reshape(len(n), -1), n, before.slip)
     beyond -= step.friction.excess(before.tangential_force, before.normal_force, before.slip)

@@ -6,12 +6,12 @@ all slip, even if the answer is neither: `stabilise` keeps just so many closed a
 
 from __future__ import annotations
 
-from functools import cached_property
+from dataclasses import field
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask, lengths
-from skfem_contact.conditions.friction_rule import BEYOND, FrictionRule
+from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.conditions.friction_rule import BEYOND, FrictionRule, lengths
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState
 from skfem_contact.digits import DECIMALS, GIVEN, ROUND_OFF, SINGLE
@@ -32,6 +32,11 @@ class Step:
     `slip_prescribed`: points with friction whose slip supports prescribe, which `frictional` leaves
     out. `slip_prescribed_along`: tangents, (m, d-1), along which supports prescribe the slip of points
     that are free along the other. Both are None where there are none.
+
+    Points that follow from these, (m,): `exact` ones stick without any give, where they stick;
+    `resisting` ones hold a motion along their tangents there; `gripped` ones hold their slip there,
+    exactly by friction or glue; `modelled` ones resist and have a partner; `closed_for_good` ones never
+    open, None where there are none. `turns`: there is friction along more than one tangent.
     """
 
     problem: LinearProblem
@@ -50,6 +55,25 @@ class Step:
     resistance: Resistance | None = None
     slip_prescribed: Mask | None = None
     slip_prescribed_along: Mask | None = None
+    exact: Mask = field(init=False)
+    all_exact: bool = field(init=False)
+    turns: bool = field(init=False)
+    all_paired: bool = field(init=False)
+    resisting: Mask = field(init=False)
+    gripped: Mask = field(init=False)
+    modelled: Mask = field(init=False)
+    closed_for_good: Mask | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        # nothing of it depends on what `under` changes
+        self.exact = np.isinf(self.stiffness)
+        self.all_exact, self.all_paired = bool(self.exact.all()), bool(self.paired.all())
+        self.turns = bool(self.friction.laws) and self.last.slip.shape[1] > 1
+        self.resisting = self.frictional | self.tied
+        self.gripped = self.exact & self.frictional | self.tied
+        self.modelled = self.paired & self.resisting
+        closed = (self.bilateral | self.tied) & self.paired
+        self.closed_for_good = closed if np.count_nonzero(closed) else None
 
     def under(self, load: Load, last: LocalState, noise: float, far: float) -> Step:
         """The same points under another load; what is known of the points by themselves is shared."""
@@ -57,49 +81,6 @@ class Step:
         friction = self.friction.since(last.reference)
         vars(step).update(vars(self), load=load, last=last, noise=noise, far=far, friction=friction)
         return step
-
-    # What is remembered from here on depends on nothing that `under` changes.
-
-    @cached_property
-    def turns(self) -> bool:
-        """Directions of friction can turn: there is friction along more than one tangent."""
-        return bool(self.friction.laws) and self.last.slip.shape[1] > 1
-
-    @cached_property
-    def exact(self) -> Mask:
-        """Points that stick without any give, where they stick, (m,)."""
-        return np.isinf(self.stiffness)
-
-    @cached_property
-    def all_exact(self) -> bool:
-        """All points are `exact`."""
-        return bool(self.exact.all())
-
-    @cached_property
-    def all_paired(self) -> bool:
-        """All points have a partner."""
-        return bool(self.paired.all())
-
-    @cached_property
-    def gripped(self) -> Mask:
-        """Points whose slip is held where they stick: exactly, by friction or glue, (m,)."""
-        return self.exact & self.frictional | self.tied
-
-    @cached_property
-    def resisting(self) -> Mask:
-        """Points that hold a motion along their tangents where they stick, (m,)."""
-        return self.frictional | self.tied
-
-    @cached_property
-    def modelled(self) -> Mask:
-        """Those of them that have a partner, (m,)."""
-        return self.paired & self.resisting
-
-    @cached_property
-    def closed_for_good(self) -> Mask | None:
-        """Points that never open, (m,); None where there are none."""
-        closed = (self.bilateral | self.tied) & self.paired
-        return closed if np.count_nonzero(closed) else None
 
     def trial(self, slip: Array) -> Array:
         """Elastic predictor ``tau_n + G (s - s_n)`` of points with a finite stiffness."""

@@ -22,6 +22,6 @@ __getattr__, __dir__ = entrances(
         "points": "Conditions Load PointSpace Resistance Response",
         "seam": "PosedOn Workspace independent",
         "substructure": "Substructure",
-        "zone": "Compliance PointProblem Zone Zones definite_inverse",
+        "zone": "Compliance PointProblem Zone Zones",
     },
 )

@@ -32,13 +32,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.sparse import csr_matrix
 
-from skfem_contact.arrays import Array, Index, block_diagonal
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member, check_whole
 from skfem_contact.bodies.system import System, slices
-from skfem_contact.conditions.rows import columns_of, with_columns
+from skfem_contact.conditions.kinematics import columns_of, with_columns
 from skfem_contact.conditions.state import LoadCase
 from skfem_contact.digits import COMPUTED
 from skfem_contact.errors import InputError
@@ -122,7 +123,7 @@ class Substructures:
     ) -> None:
         self.backend: Any
         self.system, self.stiffness, self.backend = system, stiffness, backend or self.usual()
-        self.spans, self.substructures = slices(system.offsets), list[Any]()
+        self.spans, self.substructures = system.spans, list[Any]()
         for i, body in enumerate(system.bodies):
             part = reuse[i] if len(reuse) else None
             if type(part) is not self.kind:
@@ -219,7 +220,7 @@ class Condensed(Substructures):
         known = self._along  # which another thread may put another one in the place of
         if known is None or known[0] != counts:
             each = zip(self.substructures, found, strict=True)
-            along = block_diagonal([part.along(own) for part, own in each])
+            along = block_diag(*(part.along(own) for part, own in each))
             known = self._along = counts, along, self.flexibility(along)
         c = np.concatenate([own for pair in found if pair for own in pair] or [np.zeros(0)])
         force, moved = known[1].dot(c), known[2].dot(c)

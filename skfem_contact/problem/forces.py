@@ -43,11 +43,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.sparse import csr_matrix, diags
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from skfem_contact.arrays import Array, Index, block_diagonal
+from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.body import Body
 from skfem_contact.digits import SOLVED
 from skfem_contact.errors import SingularMatrix
@@ -260,7 +261,7 @@ class OnForces(OnContactDofs):
             raise DependentRows  # they are solved with all DOFs
         self.own = self.bare = 1.0 / (self.G.multiply(self.G) @ bodies.softness)
         self._share = np.ones(self.q)
-        self.FP = block_diagonal([part.by_springs for part in bodies.substructures])
+        self.FP = block_diag(*(part.by_springs for part in bodies.substructures))
         self.iterations: list[int] = []
 
     @cached_property

@@ -101,7 +101,7 @@ class LinearModel:
         """Without what is computed: elsewhere bodies are condensed when they are first asked for."""
         linear = carried(self.linear, "linear")
         known = {**vars(self), "linear": linear, "_sprung": {}, "_reuse": [], "_decided": False}
-        for made in ("_wanted", "choice", "bodies", "_base", "_for_pivoting", "for_tangents"):
+        for made in ("_wanted", "choice", "bodies", "base", "_for_pivoting", "for_tangents"):
             known.pop(made, None)
         return known | {"_undeformed": None}
 
@@ -142,7 +142,7 @@ class LinearModel:
             self.prepare()
         twin = self._like(geometry=geometry, interface=interface, motions=motions, timings=timings)
         if same and own:
-            made = vars(self).keys() & {"bodies", "_base"}
+            made = vars(self).keys() & {"bodies", "base"}
             vars(twin).update({name: vars(self)[name] for name in made})
         elif same and np.array_equal(twin._wanted, self._wanted):  # slips have other axes
             vars(twin)["bodies"] = self.bodies
@@ -230,10 +230,8 @@ class LinearModel:
 
     def prepare(self) -> None:
         """Do now what the first load step would do once."""
-        if self.geometry.follows:
-            self.bodies  # noqa: B018 (made when first asked for)
-        else:
-            self.problem_on(None, None)
+        with single_threaded:
+            self.bodies if self.geometry.follows else self.base  # noqa: B018 (made when first asked for)
 
     @once
     def bodies(self) -> AnyBodies:
@@ -291,10 +289,11 @@ class LinearModel:
 
     def problem_on(self, kin: Kinematics | None, u: Array | None) -> ContactProblem:
         """The contact problem on a pairing; without one, on that of the undeformed bodies."""
-        return self._base if kin is None else self._posed(self.bodies, kin, u)
+        return self.base if kin is None else self._posed(self.bodies, kin, u)
 
     @once
-    def _base(self) -> ContactProblem:
+    def base(self) -> ContactProblem:
+        """The contact problem on the pairing of the undeformed bodies."""
         return self._posed(self.bodies, self.kin, None)
 
     def _posed(self, bodies: AnyBodies, kin: Kinematics, u: Array | None) -> ContactProblem:
@@ -304,11 +303,11 @@ class LinearModel:
             return base is not None and base.problem_on(None if own else kin, u).springs is None
 
         motions = self.motions if own else self.motions.seen_by(kin)
+        prefer = self._prefer if self.route == "full" else None
         seal(kin)
-        on = PosedOn(kin, motions, u, self.interface.slipping, self._prefer, independent)
+        on = PosedOn(kin, motions, u, self.interface.slipping, prefer, independent)
         start = time.perf_counter()
-        with single_threaded:
-            problem = bodies.attach(on)
+        problem = bodies.attach(on)
         with self._lock:
             before = self.timings.get("contact problem", 0.0)
             self.timings["contact problem"] = before + time.perf_counter() - start
@@ -338,7 +337,7 @@ class LinearModel:
         if not self.choice.condenses:
             return None
         with single_threaded:
-            found = self.on_points(self.problem_on(None, None))
+            found = self.on_points(self.base)
         return found if isinstance(found, PointProblem) else None
 
     @cached_property

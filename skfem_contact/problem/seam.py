@@ -62,8 +62,6 @@ from scipy.sparse.linalg import splu
 from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.kinematics import (
     Kinematics,
-    prescribed_rows,
-    prescribed_tangents,
     without_columns,
 )
 from skfem_contact.conditions.motions import RigidMotions
@@ -324,16 +322,6 @@ class ContactProblem(LinearProblem):
     def surface(self, source: Source, case: LoadCase) -> Array:
         """Displacements (n,) as far as they are known without the interior [length]."""
         return np.asarray(self.bodies.surface(source, case))
-
-    @cached_property
-    def able(self) -> Mask:
-        """Points whose gap can change: where it is prescribed, D carries the force instead."""
-        return ~prescribed_rows(self.kin.B_n, self.motions.system.D)
-
-    @cached_property
-    def prescribed_tangents(self) -> Mask:
-        """Tangents along which supports prescribe the slip, (m, d-1): they take any friction there."""
-        return prescribed_tangents(self.kin, self.motions.system.D)
 
 
 class OnContactDofs(ContactProblem):

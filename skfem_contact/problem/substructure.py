@@ -23,7 +23,7 @@ from skfem_contact.bodies.member import Member, largest
 from skfem_contact.digits import ROUND_OFF
 from skfem_contact.errors import InputError, SingularMatrix
 from skfem_contact.linalg.backend import Backend, BodyFactor
-from skfem_contact.linalg.dense_factors import cholesky, lu
+from skfem_contact.linalg.dense_factors import definite_inverse, lu
 from skfem_contact.linalg.direct import Direct, IndefiniteFactor
 from skfem_contact.linalg.fronts import FactorSize, factor_size, nodes_of
 from skfem_contact.records import Lock, once
@@ -31,7 +31,6 @@ from skfem_contact.records import Lock, once
 logger = logging.getLogger("skfem_contact")
 
 Components = tuple[Array, Array]
-AsForce = Callable[[Array], Array] | None
 
 
 # Ratio of singular values of the rigid modes on some DOFs above which these hold the body firmly.
@@ -75,25 +74,25 @@ class LoadSpan:
 
     Parameters
     ----------
-    factor : BodyFactor
     dofs : ndarray of int
         Of the n DOFs of the body, that these loads are on.
-    n : int
+    n, free, kept : int
+        Of these the ones that factors are about, and the ones that are not eliminated.
     """
 
-    def __init__(self, factor: BodyFactor, dofs: Index, n: int) -> None:
-        self._factor, self._dofs = factor, dofs
+    def __init__(self, dofs: Index, n: int, free: int, kept: int) -> None:
+        self._dofs, self._inside = dofs, free - kept
         places, none = np.zeros(0, dtype=np.intp), np.zeros((0, 0))
-        self._known = Directions(np.zeros((n, 0)), places, none, np.zeros((factor.order.size, 0)))
+        self._known = Directions(np.zeros((n, 0)), places, none, np.zeros((free, 0)))
         self._last = np.zeros(0), np.zeros(0)
         self._lock = Lock()
 
-    def components(self, load: Array, as_force: AsForce = None) -> Array | None:
+    def components(self, load: Array, eliminate: Callable[[Array], Array]) -> Array | None:
         """Components of a load (n,) along the directions; adds one where they do not span it.
 
-        None where there are too many directions already. `as_force` turns values on `dofs` into a load
-        on the DOFs of the factor, by default they are. (It is not kept: a body's own would be a cycle
-        with its factors, and their memory wait for the garbage collector.)
+        None where there are too many directions already. `eliminate` takes values on `dofs` to what
+        they are once the interior is eliminated, (n_f, 1). (It is not kept: a body's own would be a
+        cycle with its factors, and their memory wait for the garbage collector.)
         """
         known, last = self._known, self._last
         places, Q, b = known.places, known.values, load[known.places]
@@ -113,15 +112,14 @@ class LoadSpan:
             return None
         with self._lock:
             if self._known is known:
-                self._add(places, rest / size, as_force)
-        return self.components(load, as_force)
+                self._add(places, rest / size, eliminate)
+        return self.components(load, eliminate)
 
-    def _add(self, places: Index, direction: Array, as_force: AsForce) -> None:
+    def _add(self, places: Index, direction: Array, eliminate: Callable[[Array], Array]) -> None:
         known = self._known
         load = np.zeros((len(known.loads), 1))
         load[places, 0] = direction
-        acting = load[self._dofs, 0]
-        reduced = self._factor.eliminate(as_force(acting) if as_force else acting)
+        reduced = eliminate(load[self._dofs, 0])
         loads = np.concatenate([known.loads, load], axis=1)
         places = np.flatnonzero(loads.any(axis=1))
         eliminated = np.concatenate([known.eliminated, reduced], axis=1)
@@ -130,8 +128,7 @@ class LoadSpan:
 
     def along(self, count: int) -> Array:
         """Loads on the kept DOFs with one component, of the first directions, (n_c, count)."""
-        eliminated = self._known.eliminated
-        return eliminated[len(eliminated) - len(self._factor.keep) :, :count]
+        return self._known.eliminated[self._inside :, :count]
 
     @property
     def eliminated(self) -> Array:
@@ -195,6 +192,7 @@ class Substructure:
         self.columns = np.union1d(wanted, self.anchors)
         self.kept = self.columns if self.keeps_contact else self.anchors
         self._spanned = isinstance(body, Body) and len(self.kept) > 0  # loads are remembered
+        self._spans = self._new_spans()
 
     @once
     def _K_D(self) -> csr_matrix:
@@ -209,11 +207,10 @@ class Substructure:
     def _factor(self) -> BodyFactor:
         return self._factorised()
 
-    @once
-    def _spans(self) -> tuple[LoadSpan, LoadSpan]:
+    def _new_spans(self) -> tuple[LoadSpan, LoadSpan]:
         """What is remembered of forces, and of prescribed displacements."""
-        factor, n, D = self._factor, self.body.n, self.body.D
-        return LoadSpan(factor, self.free, n), LoadSpan(factor, D, n)
+        sizes = self.body.n, len(self.free), len(self.kept)
+        return LoadSpan(self.free, *sizes), LoadSpan(self.body.D, *sizes)
 
     def _factorised(self) -> BodyFactor:
         place = np.searchsorted(self.free, self.kept)
@@ -259,7 +256,7 @@ class Substructure:
         at = np.searchsorted(self.kept, self.anchors)
         S[at, at] += self.springs
         try:
-            return cholesky(S.T, overwrite=True).inverse()
+            return definite_inverse(S)
         except LinAlgError:
             self.definite, self.shaky = False, True
         S = self.S.copy()  # what Cholesky began with is lost
@@ -277,7 +274,7 @@ class Substructure:
     def unloaded(self) -> Substructure:
         """The same body, condensed once, without what is remembered of its loads."""
         twin = copy(self)
-        vars(twin).pop("_spans", None)
+        twin._spans = self._new_spans()
         return twin
 
     @property
@@ -295,7 +292,8 @@ class Substructure:
         if not self._spanned:
             return self.free_load(f, x) if len(self.kept) else np.zeros(0), np.zeros(0)
         forces, moves = self._spans
-        force, move = forces.components(f), moves.components(x, self._by_supports)
+        force = forces.components(f, lambda acting: self._factor.eliminate(acting))
+        move = moves.components(x, lambda x_D: self._factor.eliminate(self._by_supports(x_D)))
         return None if force is None or move is None else (force, move)
 
     def along(self, components: Components | None) -> Array:
@@ -367,20 +365,23 @@ def anchors(body: Body, wanted: Index, modes: Array) -> Index:
     A few nodes for each part of the mesh that prescribed DOFs do not hold: springs on them make
     the condensed stiffness definite, and as further kept DOFs they do the same for the interior.
     """
-    R = modes / largest(modes)
-    points, chosen = body.dof_points, np.zeros(0, dtype=int)
-    node, _ = nodes_of(points)
-    # of a node that contact touches too: rows of two anchors would make that of a gap
-    touched = np.isin(node, node[wanted])
-    touched[body.D] = True
+    R, chosen = modes / largest(modes), np.zeros(0, dtype=int)
+    points, node, touched = np.zeros((0, body.dim)), chosen, np.zeros(0, dtype=bool)
     for part in np.unique(body.parts[wanted]):
         mine = body.parts == part
         modes = R[:, [np.any(mode[mine]) for mode in R.T]]
+        if _held_by(body.D[mine[body.D]], modes):
+            continue
+        if not len(node):
+            points = body.dof_points
+            node, _ = nodes_of(points)
+            # of a node that contact touches too: rows of two anchors would make that of a gap
+            touched = np.isin(node, node[wanted])
+            touched[body.D] = True
         seeds = points[wanted[body.parts[wanted] == part]][:1]
         for count in range(2 * body.dim):
             held = np.union1d(body.D[mine[body.D]], chosen[mine[chosen]])
-            values = np.linalg.svd(modes[held], compute_uv=False)
-            if len(values) == modes.shape[1] and values[-1] > HELD_FIRMLY * values[0]:
+            if _held_by(held, modes):
                 break
             if count < body.dim:
                 distance = np.min(sizes(points - seeds[:, None]), axis=0)
@@ -396,3 +397,9 @@ def anchors(body: Body, wanted: Index, modes: Array) -> Index:
             chosen = np.union1d(chosen, here)
             seeds = np.concatenate([seeds, points[[found]]])
     return chosen
+
+
+def _held_by(dofs: Index, modes: Array) -> bool:
+    """Return whether no combination of modes (n, k) leaves these DOFs where they are, or nearly."""
+    values = np.linalg.svd(modes[dofs], compute_uv=False)
+    return len(values) == modes.shape[1] and values[-1] > HELD_FIRMLY * values[0]

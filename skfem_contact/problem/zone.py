@@ -32,7 +32,13 @@ from skfem_contact.arrays import Array, Index, Mask
 from skfem_contact.conditions.rows import stacked_rows
 from skfem_contact.conditions.state import LoadCase
 from skfem_contact.errors import SingularMatrix
-from skfem_contact.linalg.dense_factors import ROWS_AT_ONCE, cholesky, lu, symmetrise
+from skfem_contact.linalg.dense_factors import (
+    ROWS_AT_ONCE,
+    definite_inverse,
+    indefinite_inverse,
+    lu,
+    symmetrise,
+)
 from skfem_contact.problem.points import (
     NO_ROW,
     Conditions,
@@ -263,7 +269,8 @@ class Compliance:
     def inverse(self, on: Index | None, refuses: bool) -> Array:
         """Inverse of W on some rows; on all without them."""
         W = self.W.copy() if on is None else self.W[np.ix_(on, on)]
-        return definite_inverse(W, refuses) if self.stable else indefinite_inverse(W, refuses)
+        least = DEPENDENT if refuses else 0.0
+        return definite_inverse(W, least) if self.stable else indefinite_inverse(W, least)
 
 
 class Zone:
@@ -385,47 +392,6 @@ class Zone:
         if len(moved) > q:
             total[q:-1] += self._rigid.solve(moved[q:]) - self._carried @ found.z
         return total, since
-
-
-def indefinite_inverse(W: Array, refuses: bool = True) -> Array:
-    """Inverse of a symmetric matrix that is not positive definite, as of bodies that are not stable.
-
-    Raises
-    ------
-    LinAlgError
-        Rows depend on each other.
-    """
-    size = np.sqrt(np.max(np.abs(W), axis=1))
-    if not np.all((size > 0) & np.isfinite(size)):  # a tangent that a bad iterate has spoiled
-        raise LinAlgError("contact rows without a finite flexibility")
-    W /= size
-    W /= size[:, None]
-    factors = lu(W)
-    if refuses and not factors.even(DEPENDENT**2):
-        raise LinAlgError("dependent contact rows")
-    inverse = factors.solve(np.eye(len(W)))
-    inverse /= size
-    inverse /= size[:, None]
-    symmetrise(inverse)
-    return inverse
-
-
-def definite_inverse(W: Array, refuses: bool = True) -> Array:
-    """Inverse of a symmetric positive definite matrix, in its place; dependent rows may be refused.
-
-    No diagonal entry is zero: rows without free coefficients are left out before, and the flexibility
-    of the bodies is positive definite.
-
-    Raises
-    ------
-    LinAlgError
-        Rows depend on each other; `W` is lost.
-    """
-    scale = np.sqrt(np.diag(W))
-    factors = cholesky(W.T, overwrite=True)
-    if refuses and np.min(factors.diagonal / scale, initial=1.0) < DEPENDENT:
-        raise LinAlgError("dependent contact rows")
-    return factors.inverse()
 
 
 def without_anchors(A: Array, A_zq: Array, carried: Array) -> Array:

@@ -368,7 +368,7 @@ def _cycled(
     solver: Any, start: ContactResult, row: Array, peak: float, steps: int, cycles: int
 ) -> tuple[Array, Array, int, bool, list[ContactResult]]:
     """Loop, first loading, cycles, whether they closed, and the results of the last one."""
-    angles, case = np.pi / steps * np.arange(2 * steps + 1), solver._begin(answer_of(start))
+    angles, case = np.pi / steps * np.arange(2 * steps + 1), solver._answering.loads(answer_of(start))
     # a vector named in a step would take the place of pressures that follow the boundary
     case = copied(case, scale=(None, case.scale[1]), factor=None, bolts=None)
 

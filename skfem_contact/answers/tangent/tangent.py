@@ -34,9 +34,15 @@ from scipy.sparse import block_diag, csr_matrix, vstack
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.arguments import NamesAttributes, numbers
-from skfem_contact.arrays import Array, Index, Mask, check_size, largest, lengths, unit_vectors
+from skfem_contact.arrays import Array, Index, Mask, check_size
 from skfem_contact.conditions.friction import FrictionLaw
-from skfem_contact.conditions.friction_rule import BEYOND, Derivatives, FrictionRule
+from skfem_contact.conditions.friction_rule import (
+    BEYOND,
+    Derivatives,
+    FrictionRule,
+    lengths,
+    unit_vectors,
+)
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.rows import combined_rows, tangential_matrix
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LoadCase
@@ -169,7 +175,7 @@ class Tangent(NamesAttributes):
         along = self.local.tangential_force
         size = lengths(along)
         # nearly without a bound friction has a direction all the same: that of the slip
-        faint = self.slips & (size <= SOLVED * largest(size))
+        faint = self.slips & (size <= SOLVED * size.max(initial=0.0))
         if np.count_nonzero(faint):
             way = self.answer.plastic_slip
             along = np.where((faint & way.any(axis=1))[:, None], way, along)
@@ -258,7 +264,7 @@ class Tangent(NamesAttributes):
     @cached_property
     def largest_force(self) -> float:
         """The largest force of a point; without any, what would close the largest gap [force]."""
-        return largest_force(self.local) or largest(self._opened) or 1.0
+        return largest_force(self.local) or float(self._opened.max(initial=0.0)) or 1.0
 
     @property
     def _opened(self) -> Array:

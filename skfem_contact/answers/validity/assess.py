@@ -30,6 +30,7 @@ from skfem_contact.answers.validity.overlaps import (
 from skfem_contact.answers.validity.strain import displaced_far, lockable, locked, strains
 from skfem_contact.answers.validity.support import (
     Support,
+    fitted,
     leaning,
     rigid_rotations,
     surface_turns,
@@ -173,7 +174,7 @@ class Watch:
         x, u, known = result.case.x, np.zeros(0), result.diagnostics
         if self.asks:  # where bodies slide along an axis their contact DOFs do not tell
             u = result.u if self.inside else result.recover.at_contact()
-        motions, off = zip(*(support.fitted(x) for support in self.supports), strict=True)
+        motions, off, turned_by = fitted(self.supports, x)
         drifts = tuple(track.look(result, motions, u) for track in self.tracks)
         turns = {
             name: float(m[2] if len(m) == 3 else np.linalg.norm(m[3:])) / self.supports[b].arm
@@ -181,15 +182,16 @@ class Watch:
             for m in [motions[b]]
         }
         stretches = {name: off[b] for name, b in self.turning.items()}
-        floating = {name: support.fitted(u) for name, support in self.floating.items()}
-        stretches |= {name: stretch for name, (_, stretch) in floating.items()}
+        rigid = {name: turned_by[b] for name, b in self.turning.items()}
+        if self.floating:
+            _, bent, turned_by = fitted(list(self.floating.values()), u)
+            stretches |= dict(zip(self.floating, bent, strict=True))
+            rigid |= dict(zip(self.floating, turned_by, strict=True))
         if len(result.state.surface):  # of what slides far
             moved = surface_turns(self.system, self.contacts, result.state.surface)
             turns |= rigid_rotations(moved)
         else:
-            rigid = {name: (self.supports[b], motions[b]) for name, b in self.turning.items()}
-            rigid |= {name: (self.floating[name], motion) for name, (motion, _) in floating.items()}
-            moved = {n: by.turn(motion) for n, (by, motion) in rigid.items() if by.turns(motion)}
+            moved = {name: turn for name, turn in rigid.items() if turn is not None}
         shares = known.leaning
         if moved:
             shares = shares | turned(result, moved, self.supports, [d.approach for d in drifts])
@@ -235,11 +237,11 @@ class Watch:
         Where corners and edges may stand between points that press, overlaps are looked for at the
         first step, and once for each doubling of the approach; before anything presses, of the motion.
         """
-        known, case = result.diagnostics, result.case
+        known, case, names = result.diagnostics, result.case, result.model.interface.names
         found: dict[int, set[str]] = {}
         looked = Issued()
         for i, drift in enumerate(known.drifts):
-            name, overlaps = result.names[i], i in known.intrusions
+            name, overlaps = names[i], i in known.intrusions
             if self.tracks[i].of_triangles or i in self.overlaps.near:
                 # sizes of vectors: the same in whatever axes
                 moved = max(float(np.linalg.norm(v)) for v in (case.x, case.motion[i].translation))

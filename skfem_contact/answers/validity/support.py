@@ -24,7 +24,7 @@ import numpy as np
 from skfem_contact.answers.answer import Answer, point_forces
 from skfem_contact.answers.validity.deformed_boundaries import BoundaryNodes
 from skfem_contact.answers.validity.validity import A_TENTH, Drift
-from skfem_contact.arrays import Array, Index, Mask, cross, largest
+from skfem_contact.arrays import Array, Index, Mask, cross
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member, unit_motions
 from skfem_contact.bodies.surface import ContactSurface
@@ -144,11 +144,17 @@ class Support:
         moved = np.einsum("md,mdk->mk", direction, unit) @ self.free
         return bool(np.max(np.abs(moved), initial=0.0) < SUPPORTED)
 
-    def fitted(self, u: Array) -> tuple[Array, float]:
-        """The motion under displacements (n,), and how far they are off it over the body's extent."""
-        motion = self.motion(u)
-        off = np.abs(u[self.dofs] - self.unit @ motion)
-        return motion, float(np.max(off, initial=0.0)) / self.arm
+
+def fitted(supports: Sequence[Support], u: Array) -> tuple[list[Array], list[float], list[Turn | None]]:
+    """Motions under displacements (n,); how far these are off them over the extents; large turns."""
+    motions, off, turns = list[Array](), list[float](), list[Turn | None]()
+    for support in supports:
+        motion = support.motion(u)
+        away = np.abs(u[support.dofs] - support.unit @ motion)
+        motions.append(motion)
+        off.append(float(np.max(away, initial=0.0)) / support.arm)
+        turns.append(support.turn(motion) if support.turns(motion) else None)
+    return motions, off, turns
 
 
 class Extrapolation:
@@ -246,7 +252,7 @@ def elastic_approach(result: Answer, i: int, displacement: Array | None = None) 
         elastic[system.slice(body)] -= rigid[np.arange(body.n), body.dof_component]
     if contact.rigid_body is not None:
         elastic[system.slice(contact.rigid_body)] = 0.0
-    return largest(np.abs((result.kin.B_n[part] @ elastic)[closed]))
+    return float(np.abs((result.kin.B_n[part] @ elastic)[closed]).max(initial=0.0))
 
 
 def with_elastic_approach(

@@ -28,7 +28,7 @@ from skfem_contact.answers.validity.support import (
     with_elastic_approach,
 )
 from skfem_contact.answers.validity.validity import Drift
-from skfem_contact.arrays import Array, Index, Mask, angle_between, dot, largest
+from skfem_contact.arrays import Array, Index, Mask, angle_between, dot
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
@@ -166,12 +166,16 @@ class Track:
             return float(self.spacing.dot(closed))
         return float(np.sqrt(np.sum(self.spacing[closed] ** 2)))
 
-    def slip(self, vectors: Array, given: Array, dragged: Array, closed: Mask) -> tuple[Array, float]:
+    def slip(
+        self, vectors: Array, given: Array | None, dragged: Array, closed: Mask
+    ) -> tuple[Array, float]:
         """Slips from vectors (m, d), less what obstacles give along the tangents, (m, d-1).
 
         And by how much those of closed points differ, what supports drag them by taken off [length].
         """
-        slip = self.tangential(vectors) - np.einsum("mk,mkd->md", given, self.tangent)
+        slip = self.tangential(vectors)
+        if given is not None:
+            slip = slip - np.einsum("mk,mkd->md", given, self.tangent)
         return slip, self._spread(slip - dragged, closed) if closed.any() else 0.0
 
     def split(self, vectors: Array) -> tuple[Array, Array]:
@@ -202,11 +206,11 @@ class Track:
         if not np.count_nonzero(closed):
             return {}
         way = np.linalg.norm(slip, axis=1)
-        breadth, longest = self.breadth(closed), largest(way[closed])
+        breadth, longest = self.breadth(closed), float(way[closed].max(initial=0.0))
         found = {"slip": longest, "widths": longest / breadth if breadth > 0 else np.inf}
         if isinstance(self.primary, Obstacle):
             return found
-        found["facets"] = largest((way / self.facet)[closed])
+        found["facets"] = float((way / self.facet)[closed].max(initial=0.0))
         if self.turns:
             turned = np.einsum("mde,me->md", self.bends, slip)[closed]
             error = float(np.max(0.5 * np.abs(dot(turned, slip[closed]))))
@@ -346,7 +350,7 @@ class ContactWatch(Track):
         u : ndarray, shape (n,)
             Displacements, where `asks` says so.
         """
-        contact, state, case, part = self.contact, result.state, result.worn_case, self.part
+        contact, state, case, part = self.contact, result.state, result.case, self.part
         closed, sagitta = result.closed(self.i), self._sagitta(result, u)
         count = int(np.count_nonzero(closed))
         if not count and not (self.small and self.rigid):
@@ -358,11 +362,12 @@ class ContactWatch(Track):
         if self.small:
             by_supports, slip = self.split(self._apart([motions[b] for b in self.bodies]))
             if self.held and count:
-                lifted = case.gap0[part][closed] - result.gap[part][closed] + by_supports[closed]
-                elastic = largest(np.abs(lifted))
+                worn = (case.gap0[part] + state.wear[part])[closed]
+                lifted = worn - result.gap[part][closed] + by_supports[closed]
+                elastic = float(np.abs(lifted).max(initial=0.0))
                 approach, strain = max(approach, elastic), max(strain, elastic / self.extent)
             if contact.friction is not None or contact.tied:
-                given = self.geometry.kin.slip_along(case.slip0[part], part)
+                given = self.geometry.kin.slip_along(case.slip0[part], part) if self.rigid else None
                 # a belt is pressed in by its stretch along the drum
                 slip, spread = self.slip(state.slip[part], given, slip, closed)
                 approach = max(approach, spread)
