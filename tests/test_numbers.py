@@ -14,15 +14,19 @@ import internals
 import numpy as np
 import pytest
 import skfem as fem
+from numpy.linalg import LinAlgError
 from numpy.testing import assert_allclose
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import spsolve
 
 import skfem_contact as sc
+from skfem_contact.answers import Form, critical_friction
 from skfem_contact.bodies import kind_of, kink_angles
 from skfem_contact.conditions import steep_words
+from skfem_contact.conditions.state import STICK
+from skfem_contact.elimination import find_pivots
 from skfem_contact.linalg import as_linear_solver
-from skfem_contact.problem import Conditions, Response
+from skfem_contact.problem import Conditions, PointSpace, Response, definite_inverse
 
 rested, size_words = internals.original("loops.rested"), internals.original("history._size_words")
 
@@ -126,6 +130,132 @@ def test_solvers_may_leave_a_ten_thousandth(left, refused):
             solve(np.array([1.0, 2.0]))
     else:
         solve(np.array([1.0, 2.0]))
+
+
+# -- digits: how much of what users give may be off -----------------------------------------------
+
+
+@pytest.mark.parametrize(("off", "refused"), [(0.7e-6, False), (1.5e-6, True)])
+def test_what_is_given_has_six_digits(off, refused):
+    """Springs of a rigid body, read from a file, are symmetric to these (GIVEN)."""
+    springs = np.array([[1.0, 0.5, 0.0], [0.5 + off, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    body = lambda: sc.RigidBody(sc.RigidSphere((0, 0), 1.0), K=springs)  # noqa: E731
+    refused_or_not(refused, body, "is not symmetric")
+
+
+@pytest.mark.parametrize(("off", "refused"), [(0.7e-9, False), (1.5e-9, True)])
+def test_what_is_solved_for_has_nine_digits(off, refused):
+    """An ellipse that a user computed from another keeps its shape to these (SOLVED)."""
+    law = lambda: sc.conditions.OrthotropicCoulomb(  # noqa: E731
+        (0.1, 0.2), (1, 0, 0), tau_max=(1.0, 2.0 * (1 + off))
+    )
+    refused_or_not(refused, law, "does not fit mu")
+
+
+@pytest.mark.parametrize(("height", "refused"), [(0.7e-7, True), (1.5e-7, False)])
+def test_triangles_of_single_precision_have_an_area(height, refused):
+    """Surfaces in STL have seven digits: what is lower is a line (SINGLE)."""
+    points = np.array([(0, 0, 0), (1, 0, 0), (0.5, height, 0)])
+    tool = lambda: sc.RigidSurface(points, [(0, 1, 2)])  # noqa: E731
+    refused_or_not(refused, tool, "have no area")
+
+
+@pytest.mark.parametrize(("height", "refused"), [(0.7e-14, True), (1.5e-14, False)])
+def test_elements_that_are_round_off_have_no_volume(height, refused):
+    """Beside lengths of one (ROUND_OFF)."""
+    mesh = fem.MeshTri(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, height]]), np.array([[0], [1], [2]]))
+    body = lambda: sc.Body.from_mesh(mesh, fem.ElementVector(fem.ElementTriP1()), sc.Elastic(1.0, 0.3))  # noqa: E731
+    refused_or_not(refused, body, "no volume")
+
+
+def refused_or_not(refused, make, words):
+    """Make something, which is refused in these words, or not."""
+    if not refused:
+        make()
+        return
+    with pytest.raises(sc.errors.InputError, match=words):
+        make()
+
+
+@pytest.mark.parametrize(("along", "refused"), [(0.7e-2, True), (1.5e-2, False)])
+def test_a_direction_of_friction_is_half_a_degree_off_the_normal(along, refused):
+    """Nearer, turns under load decide where it points (NO_PROJECTION)."""
+    mesh = fem.MeshHex().with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
+    block = sc.Body(basis, sc.Elastic(1.0, 0.3), D="top", name="block")
+    law = sc.conditions.OrthotropicCoulomb((0.1, 0.3), (along, 0, 1))
+    floor = sc.RigidPlane((0, 0, 0), (0, 0, 1))
+    contact = sc.Contact(block.surface("bottom"), floor, friction=law)
+    refused_or_not(refused, lambda: sc.ContactSolver(block, contact), "normal to the surface")
+
+
+# -- rows and pivots -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("apart", "rank"), [(0.7e-10, 1), (1.5e-10, 2)])
+def test_rows_agree_to_ten_digits(apart, rank):
+    """What is left of a row after elimination is nothing below these (AGREEMENT)."""
+    assert len(find_pivots(csr_matrix([[1.0, 1.0], [1.0, 1.0 - apart]])).rows) == rank
+
+
+@pytest.mark.parametrize(("entry", "column"), [(0.15, 1), (0.07, 0)])
+def test_a_pivot_costs_no_more_than_one_digit(entry, column):
+    """The side that is preferred is given up 81 degrees off the free direction (WORTH_PIVOTING)."""
+    pivots = find_pivots(csr_matrix([[1.0, entry]]), np.array([False, True]))
+    assert pivots.columns.tolist() == [column]
+
+
+@pytest.mark.parametrize(("apart", "kept"), [(1.5e-3, True), (0.7e-3, False)])
+def test_pivots_of_coupled_rows_cost_no_more_than_three_digits(apart, kept):
+    """Beyond, the rows choose again (WELL_CONDITIONED)."""
+    rows = csr_matrix([[1.0, 1.0 - apart, 0.5], [1.0 - apart, 1.0, -0.5]])
+    pivots = find_pivots(rows)
+    assert (set(pivots.columns.tolist()) == {0, 1}) == kept
+    assert abs(pivots.inverse).max() < 1e3
+
+
+@pytest.mark.parametrize(("pivot", "refused"), [(0.7e-3, True), (1.5e-3, False)])
+def test_contact_rows_depend_on_others_where_six_digits_are_lost(pivot, refused):
+    """Of the inverse of their compliance (DEPENDENT)."""
+    W = np.array([[1.0, np.sqrt(1 - pivot**2)], [np.sqrt(1 - pivot**2), 1.0]])
+    if not refused:
+        assert_allclose(definite_inverse(W.copy()) @ W, np.eye(2), atol=1e-9)
+        return
+    with pytest.raises(LinAlgError, match="dependent"):
+        definite_inverse(W)
+
+
+# -- what is shown of other answers ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("held", "refused"), [(0.7e-5, True), (1.5e-5, False)])
+def test_a_body_that_hardly_holds_its_points_shows_nothing(held, refused):
+    """Forces lose as many digits (LOOSE)."""
+    space = PointSpace(np.diag([1.0, held**2]), np.array([0]), np.array([[1]]))
+    form = lambda: Form(space, np.array([0]), np.array([1]), np.full(1, np.inf))  # noqa: E731
+    if not refused:
+        form()
+        return
+    with pytest.raises(LinAlgError, match="nothing but contact"):
+        form()
+
+
+def test_critical_friction_in_space_has_four_digits():
+    """Where slips are 20 times as stiff one way as the other, across the way gaps couple (DIRECTIONS).
+
+    The least of ``d' K d / (k . d)`` over directions d is ``2 sqrt(s (1 - s)) / k`` with K = diag(1, s)
+    and k along the first axis.
+    """
+    s, k, worst = 1 / 20, 0.1, 0.0
+    for angle in np.linspace(0.0, 0.1, 41):
+        R = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        S = np.eye(3)
+        S[1:, 1:] = R @ np.diag([1.0, s]) @ R.T
+        S[0, 1:] = S[1:, 0] = R @ [k, 0.0]
+        space = PointSpace(S, np.array([0]), np.array([[1, 2]]))
+        found = critical_friction(space, np.array([STICK]), np.ones(1), np.full(1, np.inf))[0]
+        worst = max(worst, abs(found * k / (2 * np.sqrt(s * (1 - s))) - 1))
+    assert 0 < worst < 1e-4
 
 
 # -- kinks of a boundary ---------------------------------------------------------------------------
