@@ -58,11 +58,13 @@ class Number:
 
 
 # What decides nothing in the answer: how much is worked on or kept at a time, what is drawn and said,
-# and constants of formulas and of other programs.
+# and constants of formulas and of other programs, of what has no bound, and of what no mesh has.
 TIME = {
     *("FEW_PAIRS", "NEWTON_STEPS", "LEAF", "MOST_TWINS", "MOST_DIRECTIONS", "KEPT_BESIDE", "PER_ROWS"),
     *("FACTORS_2D", "FACTORS_3D", "SPARE", "FEWEST", "FEW_MODES", "FEW", "petsc.LATER"),
     *("ASKED", "LAYERS", "problem.SHARE", "problem.SURPLUS", "petsc.SURPLUS", "petsc.AGAIN"),
+    *("PER_BYTE", "CUBES_PER_ENTRY", "CYCLES", "ROUGHLY", "problem.STIFFER", "MOST_POINTS"),
+    "WORTH_IMPORT",
 }
 WORDS = {
     "assemblies.PALE",
@@ -86,6 +88,8 @@ CONSTANTS = {
     "MIRRORED",
     "WIDTHS",
     "ROUNDING",
+    "BEYOND",
+    "BETWEEN",
 }
 
 
@@ -349,6 +353,7 @@ class Changes:
         self.files = files  # all of whose tests are asked, whatever they reach
         self.known = known  # by number, what is not asked again
         self.passing: set[str] = set()  # tests that do so in a fork without a change
+        self.failed = False
         self.numbers, self.seconds = numbers[part::parts], seconds
         self.kept = REACHED / f"changes-{part}.json"
         self.tests = {
@@ -394,7 +399,7 @@ class Changes:
             quiet()
             signal.setitimer(signal.ITIMER_PROF, 20.0 + 3 * self.seconds)
             replace(number, factor)
-            os.write(write, (first_failure(items) or "").encode())
+            os.write(write, (self.first_failure(items) or "").encode())
             os._exit(0)
         os.close(write)
         with os.fdopen(read) as answer:
@@ -402,15 +407,17 @@ class Changes:
         _, status = os.waitpid(pid, 0)
         return failed or ("time" if status else None)
 
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        """Notes that a test of this process failed."""
+        self.failed |= report.failed
 
-def first_failure(items: list[Any]) -> str | None:
-    """The first of some tests that fails."""
-    from _pytest.runner import runtestprotocol
-
-    for item, following in zip(items, [*items[1:], None], strict=True):
-        if any(report.failed for report in runtestprotocol(item, nextitem=following, log=False)):
-            return str(item.nodeid)
-    return None
+    def first_failure(self, items: list[Any]) -> str | None:
+        """The first of some tests that fails, with the filters of warnings that it asks for."""
+        for item, following in zip(items, [*items[1:], None], strict=True):
+            item.ihook.pytest_runtest_protocol(item=item, nextitem=following)
+            if self.failed:
+                return str(item.nodeid)
+        return None
 
 
 def change(

@@ -20,15 +20,16 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import spsolve
 
 import skfem_contact as sc
-from skfem_contact.answers import Form, critical_friction
+from skfem_contact.answers import Form, Support, critical_friction
 from skfem_contact.bodies import kind_of, kink_angles
-from skfem_contact.conditions import steep_words
+from skfem_contact.conditions import escape, steep_words
 from skfem_contact.conditions.state import STICK
 from skfem_contact.elimination import find_pivots
 from skfem_contact.linalg import as_linear_solver
 from skfem_contact.problem import Conditions, PointSpace, Response, definite_inverse
 
 rested, size_words = internals.original("loops.rested"), internals.original("history._size_words")
+balanced = internals.original("conditions.balanced")
 
 
 def springs_that_keep(share):
@@ -225,6 +226,47 @@ def test_contact_rows_depend_on_others_where_six_digits_are_lost(pivot, refused)
         definite_inverse(W)
 
 
+# -- what holds a body -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("share", "free"), [(0.7e-3, 1), (1.5e-3, 0)])
+def test_a_support_a_thousandth_as_wide_holds_no_turn(share, free):
+    """Two nodes in the middle of a square (SUPPORTED); the arm of a square is its diagonal."""
+    half = share  # nodes that are apart by w turn by sqrt(1/2) w / sqrt(2)
+    x = np.array([0.0, 0.5 - half, 0.5 + half, 1.0])
+    basis = fem.Basis(
+        fem.MeshQuad.init_tensor(x, np.array([0.0, 0.5, 1.0])), fem.ElementVector(fem.ElementQuad1())
+    )
+    near = basis.get_dofs(nodes=np.flatnonzero(np.abs(basis.mesh.p - 0.5).max(axis=0) < 0.1))
+    support = Support.of(sc.Body(basis, sc.Elastic(1.0, 0.3), D=near.all()), 0)
+    assert_allclose(support.arm, np.sqrt(2.0), rtol=1e-3)
+    assert support.free.shape[1] == free
+
+
+@pytest.mark.parametrize(("left", "balances"), [(1.4e-4, True), (3e-4, False)])
+def test_forces_along_a_free_motion_balance_to_four_digits(left, balances):
+    """Of load and contact force together (LEFT_ALONG): the digits of the contact problem."""
+    one, none = np.ones((1, 1)), np.zeros((1, 0))
+    motions = SimpleNamespace(k=1, normal=one, modes=one, tangential=np.zeros((1, 0, 1)))
+    state = SimpleNamespace(normal_force=np.ones(1), tangential_force=none)
+    assert balanced(motions, np.array([left - 1.0]), state, 0.0) == balances
+
+
+def test_friction_in_space_holds_a_body_up_to_its_bound():
+    """A hundredth beyond what Coulomb's law can hold is told from statics alone (DIRECTIONS)."""
+    basis = fem.Basis(fem.MeshHex().with_defaults(), fem.ElementVector(fem.ElementHex1()), intorder=2)
+    block = sc.Body(basis, sc.Elastic(1.0, 0.3), name="block")
+    floor = sc.RigidPlane((0, 0, 0), (0, 0, 1))
+    contact = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.2))
+    model = sc.ContactSolver(block, contact).linear_model
+    bottom = basis.get_dofs("bottom")
+    for share, slides in ((0.99, False), (1.01, True)):
+        f = np.zeros(basis.N)
+        f[bottom.all("u^3")], f[bottom.all("u^1")] = -1.0, 0.2 * share
+        found = escape(model.motions, model.interface, model.kin.paired, f)
+        assert (found is not None) == slides
+
+
 # -- what is shown of other answers ----------------------------------------------------------------
 
 
@@ -238,6 +280,14 @@ def test_a_body_that_hardly_holds_its_points_shows_nothing(held, refused):
         return
     with pytest.raises(LinAlgError, match="nothing but contact"):
         form()
+
+
+def test_what_is_shown_is_known_to_a_thousandth():
+    """Of unit springs the form is twice half of one (SHOWN): more would be round-off, less is lost."""
+    space = PointSpace(np.eye(2), np.array([0]), np.array([[1]]))
+    form = Form(space, np.array([0]), np.array([1]), np.full(1, np.inf))
+    found, _ = form.estimate(0.0, form.balance(np.ones(1), np.ones(1)))
+    assert 0.9985 < found / 2.0 < 1.0
 
 
 def test_critical_friction_in_space_has_four_digits():
