@@ -66,6 +66,13 @@ TIME = {
     *("PER_BYTE", "CUBES_PER_ENTRY", "CYCLES", "ROUGHLY", "problem.STIFFER", "MOST_POINTS"),
     "WORTH_IMPORT",
 }
+# Where a search begins, how it goes on and when it is given up. The equations judge what it ends at, so
+# that another number finds the same, sooner or later, or more often or less.
+SEARCH = {
+    *("SHARES", "SHIFTS", "CONTACT_ITERATIONS", "PLAIN", "DECREASE", "HALVINGS", "NEWTON_ITERATIONS"),
+    *("WEAK_SPRINGS", "SOFTEST", "EASED", "NEAR", "MOST_IN_SERIES", "TOO_SOFT", "RISES", "MOST_MOVES"),
+    *("MOST_PRODUCTS", "GIVE", "BULGE", "LEAST_CURVATURE", "history.WEAK", "FIRM"),
+}
 WORDS = {
     "assemblies.PALE",
     "assemblies.LINE",
@@ -90,16 +97,19 @@ CONSTANTS = {
     "ROUNDING",
     "BEYOND",
     "BETWEEN",
+    "HEIGHTS",
 }
 
 
 def use(number: Number) -> str:
-    """What a number is for: it decides, or it is one of time and memory, of words, or a constant."""
+    """What a number is for: it decides, or it is one of time, of a search, of words, or a constant."""
     mine = {number.name, number.key}
     if mine & CONSTANTS:
         return "constant"
     if mine & TIME or number.name.endswith("AT_ONCE"):
         return "time and memory"
+    if mine & SEARCH:
+        return "search"
     if mine & WORDS or number.key.startswith("output."):
         return "words and pictures"
     return "decides"
@@ -470,7 +480,9 @@ def page() -> str:
     known = stored()
     rows = defaultdict(list)
     for number in sorted(named_numbers(used=False), key=lambda n: (n.key.partition(".")[0], n.name)):
-        who = noticed(known.get(number.key)) if use(number) == "decides" else f"({use(number)})"
+        row, of = known.get(number.key, {}), use(number)
+        told = of == "decides" or (of == "search" and any(map(row.get, FACTORS)))
+        who = noticed(row) if told else f"({of})"
         cells = (number.name, number.value, number.reason, who)
         line = " | ".join(cell.replace("|", "\\|").replace("*", "\\*") for cell in cells)
         rows[number.key.partition(".")[0]].append(f"| {line} |")
@@ -485,9 +497,10 @@ HEAD = """# Named numbers
 
 Every name of the library to which a module assigns a number, with the comment above it. A number that
 decides is doubled and halved by `benchmarks/named_numbers.py`: the last column has the first of the
-tests asked that fails then. "none" means that none of those asked does (the quickest, a few seconds for
-each number), "not asked" that it has not been tried. Numbers that trade time for memory, those of words
-and pictures, and constants decide nothing in the answer. This page is made by
+tests asked that fails then, and passes without. "none" means that none of those asked does, "not asked"
+that it has not been tried. Numbers that trade time for memory, those of words and pictures, constants,
+and those of searches whose end is judged by the equations (where they begin, how they go on, when they
+are given up) decide nothing in the answer. This page is made by
 `python benchmarks/named_numbers.py --write`."""
 
 

@@ -106,6 +106,16 @@ def test_points_open_stick_and_slip(loop):
     assert_allclose(found.gap, [1 / K_N, 0, 0, 0], rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize(("pull", "status"), [(0.7e-11, STICK), (1.5e-11, OPEN)])
+def test_a_point_that_is_pulled_by_round_off_stays_closed(pull, status):
+    """Beside one that is pressed by one (NO_VIOLATION): condensation loses some digits."""
+    one = step([1.0, -pull], [0.0, 0.0])
+    zero = np.zeros((2, 1))
+    closed = Guess(np.full(2, STICK), zero, np.array([1.0, 0.0]), zero, zero)
+    outcome = drive(newton, one, closed, 1e-14, 10)
+    assert_array_equal(outcome.iterate.status, [STICK, status])
+
+
 def test_the_same_points_under_another_load_know_nothing_of_the_first():
     """What a step shares with the next one are its points; bounds are those of its own answers."""
     first = step([2.0, 2.0], [0.5, 3.0])

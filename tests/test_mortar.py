@@ -326,13 +326,23 @@ def test_a_primary_less_than_half_of_which_moves_is_held(x, own):
     Which nothing closes (MOVING_SHARE); before, neighbours take what the free end at 0 can close.
     """
 
-    def held(surface, place):
-        D = surface.dofs[np.isclose(surface.points[:, 0], place)].ravel()
-        return Body(surface.body.basis, surface.body.K, D=D).surface(surface.mesh_facets)
-
     secondary, primary = pair_of_blocks("Q1", [0.0, 1.0], [0.0, x, 1.0], gap=0.1)
-    secondary, primary = held(secondary, x), held(primary, 1.0)
+    secondary, primary = clamped(secondary, x), clamped(primary, 1.0)
     assert dual_mortar(secondary, primary).paired[np.isclose(secondary.points[:, 0], x)] == own
+
+
+@pytest.mark.parametrize(("beyond", "own"), [(0.18, True), (0.35, False)])
+def test_a_primary_is_opposite_up_to_a_quarter_of_a_facet_beyond_its_end(beyond, own):
+    """Both are clamped there, and the node keeps a row (OVERHANG); farther, neighbours take it."""
+    secondary, primary = pair_of_blocks("Q1", [0.0, 1.0], [0.0, 0.5, 1.0 + beyond], gap=0.1)
+    secondary, primary = clamped(secondary, 1.0 + beyond), clamped(primary, 1.0)
+    assert dual_mortar(secondary, primary).paired[np.argmax(secondary.points[:, 0])] == own
+
+
+def clamped(surface, place):
+    """A surface whose node at a place is prescribed."""
+    D = surface.dofs[np.isclose(surface.points[:, 0], place)].ravel()
+    return Body(surface.body.basis, surface.body.K, D=D).surface(surface.mesh_facets)
 
 
 def reproduce_at_supports(kinds, lines, data, angle):

@@ -373,6 +373,15 @@ def test_what_a_drift_may_be(numbers, within):
     assert (drift.small_sliding_holds and not drift.facets_too_long) == within
 
 
+@pytest.mark.parametrize(("overlap", "within"), [(0.28, True), (0.5, False)])
+def test_how_deep_unlike_meshes_may_overlap(overlap, within):
+    """At the end of a wedge that is driven in .28 of the approach, with right forces (OVERLAP)."""
+    drift = sc.answers.Drift(closed=1, approach=1.0)
+    nothing = {"chords": 0.0, "unseen": 0, "opening": 0.0, "angle": 0.0, "angle_over_mu": 0.0}
+    measured = sc.answers.ContactValidity(drift=drift, overlap=overlap, **nothing)
+    assert (measured.excess <= 1.0) == within
+
+
 def test_the_energy_balance_of_a_step_that_is_too_long():
     """What it misses is told from a twentieth of the energy lost on (COARSE)."""
     mesh = fem.MeshQuad().refined(1).with_defaults()
