@@ -537,6 +537,15 @@ def test_springs_beyond_their_bound_are_wrong_however_little_they_moved(force, s
     assert Projection(one, response).violations(current, 1e-10)[0].sum() == wrong
 
 
+@pytest.mark.parametrize(("stiffness", "wrong"), [(7e12, 0), (3.5e12, 1)])
+def test_a_spring_is_known_to_a_tenth_of_the_round_off_of_its_slip(stiffness, wrong):
+    """Half of the bound is beyond it; slips are known to 1e-12, so it is to .7 or .35 (SOLVED_SLIP)."""
+    slip = np.array([1.5 / stiffness, 0.0])
+    one, current, response = in_space(2.0, [1.5, 0.0], slip, SLIP, [1.0, 0.0], 0.0, stiffness)
+    one = replace(one, far=1.0)
+    assert Projection(one, response).violations(current, 1e-10)[0].sum() == wrong
+
+
 @pytest.mark.parametrize(
     ("strain", "change", "gap", "slow", "lost"),
     [

@@ -18,12 +18,12 @@ from numpy.linalg import LinAlgError
 from numpy.testing import assert_allclose
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import spsolve
+from statuses import STICK
 
 import skfem_contact as sc
 from skfem_contact.answers import Form, Support, critical_friction
 from skfem_contact.bodies import kind_of, kink_angles
 from skfem_contact.conditions import escape, steep_words
-from skfem_contact.conditions.state import STICK
 from skfem_contact.elimination import find_pivots
 from skfem_contact.linalg import as_linear_solver
 from skfem_contact.problem import Conditions, PointSpace, Response, definite_inverse
