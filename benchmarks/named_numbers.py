@@ -2,12 +2,13 @@
 
     python benchmarks/named_numbers.py --reach [FILE ...]   which tests reach functions with numbers
     python benchmarks/named_numbers.py [--only NAME ...] [--tests FILE ...]    double and halve
+    python benchmarks/named_numbers.py --missing            only what no test is known to notice yet
     python benchmarks/named_numbers.py --write              docs/checks/numbers.md from what is stored
 
 A number is a name in capitals to which a module assigns a number (or several of them). It is replaced
 in every module that has it, and what modules compute from it when they are imported is computed anew.
 Tests run in a fork of a process that has imported the library, until one fails or the time is up:
-those of some files, or the quickest that reach the number.
+those of some files, or of all files in turn those that reach the number and else the least.
 Stores `benchmarks/results/named_numbers.json`; which tests reach a function is kept in a file of the
 system's temporary directory, as it is large and soon made again. Needs `os.fork`.
 """
@@ -57,11 +58,20 @@ class Number:
 
 
 # What decides nothing in the answer: how much is worked on or kept at a time, what is drawn and said,
-# and constants of formulas and of other programs.
+# and constants of formulas and of other programs, of what has no bound, and of what no mesh has.
 TIME = {
     *("FEW_PAIRS", "NEWTON_STEPS", "LEAF", "MOST_TWINS", "MOST_DIRECTIONS", "KEPT_BESIDE", "PER_ROWS"),
     *("FACTORS_2D", "FACTORS_3D", "SPARE", "FEWEST", "FEW_MODES", "FEW", "petsc.LATER"),
     *("ASKED", "LAYERS", "problem.SHARE", "problem.SURPLUS", "petsc.SURPLUS", "petsc.AGAIN"),
+    *("PER_BYTE", "CUBES_PER_ENTRY", "CYCLES", "ROUGHLY", "problem.STIFFER", "MOST_POINTS"),
+    "WORTH_IMPORT",
+}
+# Where a search begins, how it goes on and when it is given up. The equations judge what it ends at, so
+# that another number finds the same, sooner or later, or more often or less.
+SEARCH = {
+    *("SHARES", "SHIFTS", "CONTACT_ITERATIONS", "PLAIN", "DECREASE", "HALVINGS", "NEWTON_ITERATIONS"),
+    *("WEAK_SPRINGS", "SOFTEST", "EASED", "NEAR", "MOST_IN_SERIES", "TOO_SOFT", "RISES", "MOST_MOVES"),
+    *("MOST_PRODUCTS", "GIVE", "BULGE", "LEAST_CURVATURE", "history.WEAK", "FIRM"),
 }
 WORDS = {
     "assemblies.PALE",
@@ -85,16 +95,21 @@ CONSTANTS = {
     "MIRRORED",
     "WIDTHS",
     "ROUNDING",
+    "BEYOND",
+    "BETWEEN",
+    "HEIGHTS",
 }
 
 
 def use(number: Number) -> str:
-    """What a number is for: it decides, or it is one of time and memory, of words, or a constant."""
+    """What a number is for: it decides, or it is one of time, of a search, of words, or a constant."""
     mine = {number.name, number.key}
     if mine & CONSTANTS:
         return "constant"
     if mine & TIME or number.name.endswith("AT_ONCE"):
         return "time and memory"
+    if mine & SEARCH:
+        return "search"
     if mine & WORDS or number.key.startswith("output."):
         return "words and pictures"
     return "decides"
@@ -323,28 +338,32 @@ def from_there(module: types.ModuleType, home: str) -> set[str]:
 
 
 def chosen(number: Number, tests: dict[str, tuple[float, list[str]]], seconds: float) -> list[str]:
-    """Tests that reach the number, of each file the quickest first, for so many seconds in all."""
+    """Tests that reach the number, of each file those first that reach least, for so many seconds."""
     users = {(file, name) for file, _, name in number.users}  # lines may have moved since
     rows = defaultdict(list)
     for test, (took, reached) in tests.items():
         if any((at.split(":")[0], at.split(":")[2]) in users for at in reached):
-            rows[test.partition("::")[0]].append((took, test))
+            rows[test.partition("::")[0]].append((len(reached), took, test))
     ranked = sorted((place, *entry) for row in rows.values() for place, entry in enumerate(sorted(row)))
-    found, total = [], 0.0
-    for _, took, test in ranked:
+    found: dict[str, list[str]] = defaultdict(list)  # by file, as its tests share what they set up
+    total = 0.0
+    for _, _, took, test in ranked:
         if total + took <= seconds:
             total += took
-            found.append(test)
-    return sorted(found)
+            found[test.partition("::")[0]].append(test)
+    return [test for row in found.values() for test in sorted(row)]
 
 
 class Changes:
     """A plugin of pytest that runs for each number the tests that reach it, in forks that change it."""
 
     def __init__(
-        self, numbers: list[Number], seconds: float, part: int, parts: int, files: list[str]
+        self, numbers: list[Number], seconds: float, part: int, parts: int, files: list[str], known: Any
     ) -> None:
         self.files = files  # all of whose tests are asked, whatever they reach
+        self.known = known  # by number, what is not asked again
+        self.passing: set[str] = set()  # tests that do so in a fork without a change
+        self.failed = False
         self.numbers, self.seconds = numbers[part::parts], seconds
         self.kept = REACHED / f"changes-{part}.json"
         self.tests = {
@@ -363,13 +382,23 @@ class Changes:
         gc.freeze()  # what tests collect is then small
         for number in self.numbers:
             names = list(items) if self.files else chosen(number, tests, self.seconds)
-            row = found.setdefault(number.key, {})
+            row = found.setdefault(number.key, dict(self.known.get(number.key, {})))
             for factor in FACTORS:
                 if names and not row.get(factor):
-                    row[factor] = self.forked(number, FACTORS[factor], [items[name] for name in names])
+                    row[factor] = self.noticed(number, FACTORS[factor], [items[name] for name in names])
             row["tests"] = len(names)
             self.kept.write_text(json.dumps(found, indent=1), encoding="utf-8")
         return True
+
+    def noticed(self, number: Number, factor: float, items: list[Any]) -> str | None:
+        """The first test that fails with the changed number, and passes in the same place without."""
+        while failed := self.forked(number, factor, items):
+            asked = [item for item in items if item.nodeid == failed]
+            if not asked or failed in self.passing or not self.forked(number, 1.0, asked):
+                self.passing.add(failed)
+                break
+            items = [item for item in items if item.nodeid != failed]
+        return failed
 
     def forked(self, number: Number, factor: float, items: list[Any]) -> str | None:
         """The first test that fails in a fork with the changed number, "time" if none ends, or None."""
@@ -380,7 +409,7 @@ class Changes:
             quiet()
             signal.setitimer(signal.ITIMER_PROF, 20.0 + 3 * self.seconds)
             replace(number, factor)
-            os.write(write, (first_failure(items) or "").encode())
+            os.write(write, (self.first_failure(items) or "").encode())
             os._exit(0)
         os.close(write)
         with os.fdopen(read) as answer:
@@ -388,23 +417,27 @@ class Changes:
         _, status = os.waitpid(pid, 0)
         return failed or ("time" if status else None)
 
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        """Notes that a test of this process failed."""
+        self.failed |= report.failed
 
-def first_failure(items: list[Any]) -> str | None:
-    """The first of some tests that fails."""
-    from _pytest.runner import runtestprotocol
+    def first_failure(self, items: list[Any]) -> str | None:
+        """The first of some tests that fails, with the filters of warnings that it asks for."""
+        for item, following in zip(items, [*items[1:], None], strict=True):
+            item.ihook.pytest_runtest_protocol(item=item, nextitem=following)
+            if self.failed:
+                return str(item.nodeid)
+        return None
 
-    for item, following in zip(items, [*items[1:], None], strict=True):
-        if any(report.failed for report in runtestprotocol(item, nextitem=following, log=False)):
-            return str(item.nodeid)
-    return None
 
-
-def change(numbers: list[Number], seconds: float, part: int, parts: int, files: list[str]) -> None:
+def change(
+    numbers: list[Number], seconds: float, part: int, parts: int, files: list[str], known: Any
+) -> None:
     """Collects all tests once, and changes numbers in forks."""
     import pytest
 
     import_all()
-    plugin = Changes(numbers, seconds, part, parts, files)
+    plugin = Changes(numbers, seconds, part, parts, files, known)
     files = files or sorted({test.partition("::")[0] for test in plugin.tests})
     pytest.main(
         [*files, "-q", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning"],
@@ -415,10 +448,15 @@ def change(numbers: list[Number], seconds: float, part: int, parts: int, files: 
 # -- the list -------------------------------------------------------------------------------------
 
 
+def stored() -> dict[str, Any]:
+    """What is known of each number."""
+    return dict(json.loads(STORED.read_text(encoding="utf-8"))) if STORED.exists() else {}
+
+
 def store() -> None:
     """Puts what all processes found into the file of the repository, and drops names that are gone."""
     known = {number.key for number in named_numbers(used=False)}
-    found = json.loads(STORED.read_text(encoding="utf-8")) if STORED.exists() else {}
+    found = stored()
     for part in sorted(REACHED.glob("changes-*.json")):
         for key, row in json.loads(part.read_text(encoding="utf-8")).items():
             found[key] = {**found.get(key, {}), **{k: v for k, v in row.items() if v is not None}}
@@ -439,10 +477,12 @@ def noticed(row: dict[str, Any] | None) -> str:
 
 def page() -> str:
     """The page of developers with all numbers."""
-    stored = json.loads(STORED.read_text(encoding="utf-8")) if STORED.exists() else {}
+    known = stored()
     rows = defaultdict(list)
     for number in sorted(named_numbers(used=False), key=lambda n: (n.key.partition(".")[0], n.name)):
-        who = noticed(stored.get(number.key)) if use(number) == "decides" else f"({use(number)})"
+        row, of = known.get(number.key, {}), use(number)
+        told = of == "decides" or (of == "search" and any(map(row.get, FACTORS)))
+        who = noticed(row) if told else f"({of})"
         cells = (number.name, number.value, number.reason, who)
         line = " | ".join(cell.replace("|", "\\|").replace("*", "\\*") for cell in cells)
         rows[number.key.partition(".")[0]].append(f"| {line} |")
@@ -457,9 +497,10 @@ HEAD = """# Named numbers
 
 Every name of the library to which a module assigns a number, with the comment above it. A number that
 decides is doubled and halved by `benchmarks/named_numbers.py`: the last column has the first of the
-tests asked that fails then. "none" means that none of those asked does (the quickest, a few seconds for
-each number), "not asked" that it has not been tried. Numbers that trade time for memory, those of words
-and pictures, and constants decide nothing in the answer. This page is made by
+tests asked that fails then, and passes without. "none" means that none of those asked does, "not asked"
+that it has not been tried. Numbers that trade time for memory, those of words and pictures, constants,
+and those of searches whose end is judged by the equations (where they begin, how they go on, when they
+are given up) decide nothing in the answer. This page is made by
 `python benchmarks/named_numbers.py --write`."""
 
 
@@ -470,6 +511,7 @@ if __name__ == "__main__":
     parser.add_argument("--reach", nargs="*")
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--only", nargs="*", help="package.NAME, or package")
+    parser.add_argument("--missing", action="store_true", help="directions that no test notices")
     parser.add_argument("--tests", nargs="*", default=[], help="files of tests to ask, and no others")
     parser.add_argument("--part", type=int, nargs=2, default=(0, 1), help="which of how many processes")
     parser.add_argument("--write", action="store_true")
@@ -480,11 +522,13 @@ if __name__ == "__main__":
     elif given.reach is not None:
         reach(
             given.reach
-            or [str(f.relative_to(ROOT)) for f in sorted((ROOT / "tests").glob("test_*.py"))],
+            or [str(f.relative_to(ROOT)) for f in sorted((ROOT / "tests").rglob("test_*.py"))],
             given.seconds,
         )
     else:
         every = [number for number in named_numbers() if use(number) == "decides"]
         order = given.only or ["all"]
         some = [n for w in order for n in every if w in ("all", n.key, n.key.partition(".")[0])]
-        change(some, given.seconds, given.part[0], given.part[1], given.tests)
+        known = stored() if given.missing else {}
+        some = [n for n in some if not all(known.get(n.key, {}).get(f) for f in FACTORS)]
+        change(some, given.seconds, given.part[0], given.part[1], given.tests, known)

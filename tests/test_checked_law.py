@@ -72,6 +72,18 @@ WRONG = {
 }
 
 
+@pytest.mark.parametrize(("share", "refused"), [(0.7e-12, False), (1.5e-12, True)])
+def test_bounds_are_computed_to_twelve_digits(share, refused):
+    """A bound that is negative by the round-off of the largest is zero (COMPUTED)."""
+    law = own(lambda N, A, s: np.where(np.arange(len(N)) == 3, -share * N.max(), 0.3 * N))
+    if not refused:
+        friction = np.abs(pushed(law).solve().friction_stress)
+        assert friction[3] < 1e-15 * friction.max()
+        return
+    with pytest.raises(sc.errors.InputError, match="has to be >= 0"):
+        pushed(law).solve()
+
+
 @pytest.mark.every_value
 @pytest.mark.parametrize("loop", LOOPS)
 @pytest.mark.parametrize("what", WRONG)

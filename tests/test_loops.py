@@ -106,6 +106,16 @@ def test_points_open_stick_and_slip(loop):
     assert_allclose(found.gap, [1 / K_N, 0, 0, 0], rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize(("pull", "status"), [(0.7e-11, STICK), (1.5e-11, OPEN)])
+def test_a_point_that_is_pulled_by_round_off_stays_closed(pull, status):
+    """Beside one that is pressed by one (NO_VIOLATION): condensation loses some digits."""
+    one = step([1.0, -pull], [0.0, 0.0])
+    zero = np.zeros((2, 1))
+    closed = Guess(np.full(2, STICK), zero, np.array([1.0, 0.0]), zero, zero)
+    outcome = drive(newton, one, closed, 1e-14, 10)
+    assert_array_equal(outcome.iterate.status, [STICK, status])
+
+
 def test_the_same_points_under_another_load_know_nothing_of_the_first():
     """What a step shares with the next one are its points; bounds are those of its own answers."""
     first = step([2.0, 2.0], [0.5, 3.0])
@@ -523,6 +533,15 @@ def test_springs_beyond_their_bound_are_wrong_however_little_they_moved(force, s
     # a slip that is known to 1e-12 and a spring of 1e14: forces up to a hundred may be round-off
     slip = np.array([force / 1e14, 0.0])
     one, current, response = in_space(2.0, [force, 0.0], slip, status, [1.0, 0.0], 0.0, 1e14)
+    one = replace(one, far=1.0)
+    assert Projection(one, response).violations(current, 1e-10)[0].sum() == wrong
+
+
+@pytest.mark.parametrize(("stiffness", "wrong"), [(7e12, 0), (3.5e12, 1)])
+def test_a_spring_is_known_to_a_tenth_of_the_round_off_of_its_slip(stiffness, wrong):
+    """Half of the bound is beyond it; slips are known to 1e-12, so it is to .7 or .35 (SOLVED_SLIP)."""
+    slip = np.array([1.5 / stiffness, 0.0])
+    one, current, response = in_space(2.0, [1.5, 0.0], slip, SLIP, [1.0, 0.0], 0.0, stiffness)
     one = replace(one, far=1.0)
     assert Projection(one, response).violations(current, 1e-10)[0].sum() == wrong
 

@@ -180,6 +180,14 @@ def test_biorthogonality(k, start, width):
     assert_allclose(sum(p(s) for p in phi), 1.0, rtol=0, atol=1e-10)  # uniform pressure in the space
 
 
+@pytest.mark.parametrize(("width", "multipliers"), [(0.30, 1), (0.36, 2)])
+def test_two_multipliers_become_one_where_a_middle_third_is_covered(width, multipliers):
+    """Where their weights would be those of the whole times the root of seven (WEIGHTS_KEPT)."""
+    N, ends = line_shapes(2), (0.5 - width / 2, 0.5 + width / 2)
+    A, _, _ = alone(basis_of(np.array([[[integral(a * b, *ends) for b in N] for a in N]])))
+    assert np.linalg.matrix_rank(A) == multipliers
+
+
 @pytest.mark.parametrize("k", [2, 3])
 def test_whole_facet_has_textbook_basis(k):
     """Uncovered nothing: the dual basis of the literature, and nothing is merged."""
@@ -309,6 +317,32 @@ def test_rows_at_supports_reproduce_linear_fields(kinds, lines, data, angle):
 def test_rows_at_many_supports_reproduce_linear_fields(kinds, lines, data, angle):
     """The same over more of them."""
     reproduce_at_supports(kinds, lines, data, angle)
+
+
+@pytest.mark.parametrize(("x", "own"), [(0.4, False), (0.6, True)])
+def test_a_primary_less_than_half_of_which_moves_is_held(x, own):
+    """A clamped node over a facet whose end at 1 is clamped keeps a row beyond its middle.
+
+    Which nothing closes (MOVING_SHARE); before, neighbours take what the free end at 0 can close.
+    """
+
+    secondary, primary = pair_of_blocks("Q1", [0.0, 1.0], [0.0, x, 1.0], gap=0.1)
+    secondary, primary = clamped(secondary, x), clamped(primary, 1.0)
+    assert dual_mortar(secondary, primary).paired[np.isclose(secondary.points[:, 0], x)] == own
+
+
+@pytest.mark.parametrize(("beyond", "own"), [(0.18, True), (0.35, False)])
+def test_a_primary_is_opposite_up_to_a_quarter_of_a_facet_beyond_its_end(beyond, own):
+    """Both are clamped there, and the node keeps a row (OVERHANG); farther, neighbours take it."""
+    secondary, primary = pair_of_blocks("Q1", [0.0, 1.0], [0.0, 0.5, 1.0 + beyond], gap=0.1)
+    secondary, primary = clamped(secondary, 1.0 + beyond), clamped(primary, 1.0)
+    assert dual_mortar(secondary, primary).paired[np.argmax(secondary.points[:, 0])] == own
+
+
+def clamped(surface, place):
+    """A surface whose node at a place is prescribed."""
+    D = surface.dofs[np.isclose(surface.points[:, 0], place)].ravel()
+    return Body(surface.body.basis, surface.body.K, D=D).surface(surface.mesh_facets)
 
 
 def reproduce_at_supports(kinds, lines, data, angle):

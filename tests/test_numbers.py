@@ -14,17 +14,22 @@ import internals
 import numpy as np
 import pytest
 import skfem as fem
+from numpy.linalg import LinAlgError
 from numpy.testing import assert_allclose
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import spsolve
+from statuses import STICK
 
 import skfem_contact as sc
+from skfem_contact.answers import Form, Support, critical_friction
 from skfem_contact.bodies import kind_of, kink_angles
-from skfem_contact.conditions import steep_words
+from skfem_contact.conditions import escape, steep_words
+from skfem_contact.elimination import find_pivots
 from skfem_contact.linalg import as_linear_solver
-from skfem_contact.problem import Conditions, Response
+from skfem_contact.problem import Conditions, PointSpace, Response, definite_inverse
 
 rested, size_words = internals.original("loops.rested"), internals.original("history._size_words")
+balanced = internals.original("conditions.balanced")
 
 
 def springs_that_keep(share):
@@ -128,6 +133,181 @@ def test_solvers_may_leave_a_ten_thousandth(left, refused):
         solve(np.array([1.0, 2.0]))
 
 
+# -- digits: how much of what users give may be off -----------------------------------------------
+
+
+@pytest.mark.parametrize(("off", "refused"), [(0.7e-6, False), (1.5e-6, True)])
+def test_what_is_given_has_six_digits(off, refused):
+    """Springs of a rigid body, read from a file, are symmetric to these (GIVEN)."""
+    springs = np.array([[1.0, 0.5, 0.0], [0.5 + off, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    body = lambda: sc.RigidBody(sc.RigidSphere((0, 0), 1.0), K=springs)  # noqa: E731
+    refused_or_not(refused, body, "is not symmetric")
+
+
+@pytest.mark.parametrize(("off", "refused"), [(0.7e-9, False), (1.5e-9, True)])
+def test_what_is_solved_for_has_nine_digits(off, refused):
+    """An ellipse that a user computed from another keeps its shape to these (SOLVED)."""
+    law = lambda: sc.conditions.OrthotropicCoulomb(  # noqa: E731
+        (0.1, 0.2), (1, 0, 0), tau_max=(1.0, 2.0 * (1 + off))
+    )
+    refused_or_not(refused, law, "does not fit mu")
+
+
+@pytest.mark.parametrize(("height", "refused"), [(0.7e-7, True), (1.5e-7, False)])
+def test_triangles_of_single_precision_have_an_area(height, refused):
+    """Surfaces in STL have seven digits: what is lower is a line (SINGLE)."""
+    points = np.array([(0, 0, 0), (1, 0, 0), (0.5, height, 0)])
+    tool = lambda: sc.RigidSurface(points, [(0, 1, 2)])  # noqa: E731
+    refused_or_not(refused, tool, "have no area")
+
+
+@pytest.mark.parametrize(("height", "refused"), [(0.7e-14, True), (1.5e-14, False)])
+def test_elements_that_are_round_off_have_no_volume(height, refused):
+    """Beside lengths of one (ROUND_OFF)."""
+    mesh = fem.MeshTri(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, height]]), np.array([[0], [1], [2]]))
+    body = lambda: sc.Body.from_mesh(mesh, fem.ElementVector(fem.ElementTriP1()), sc.Elastic(1.0, 0.3))  # noqa: E731
+    refused_or_not(refused, body, "no volume")
+
+
+def refused_or_not(refused, make, words):
+    """Make something, which is refused in these words, or not."""
+    if not refused:
+        make()
+        return
+    with pytest.raises(sc.errors.InputError, match=words):
+        make()
+
+
+@pytest.mark.parametrize(("along", "refused"), [(0.7e-2, True), (1.5e-2, False)])
+def test_a_direction_of_friction_is_half_a_degree_off_the_normal(along, refused):
+    """Nearer, turns under load decide where it points (NO_PROJECTION)."""
+    mesh = fem.MeshHex().with_defaults()
+    basis = fem.Basis(mesh, fem.ElementVector(fem.ElementHex1()), intorder=2)
+    block = sc.Body(basis, sc.Elastic(1.0, 0.3), D="top", name="block")
+    law = sc.conditions.OrthotropicCoulomb((0.1, 0.3), (along, 0, 1))
+    floor = sc.RigidPlane((0, 0, 0), (0, 0, 1))
+    contact = sc.Contact(block.surface("bottom"), floor, friction=law)
+    refused_or_not(refused, lambda: sc.ContactSolver(block, contact), "normal to the surface")
+
+
+# -- rows and pivots -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("apart", "rank"), [(0.7e-10, 1), (1.5e-10, 2)])
+def test_rows_agree_to_ten_digits(apart, rank):
+    """What is left of a row after elimination is nothing below these (AGREEMENT)."""
+    assert len(find_pivots(csr_matrix([[1.0, 1.0], [1.0, 1.0 - apart]])).rows) == rank
+
+
+@pytest.mark.parametrize(("entry", "column"), [(0.15, 1), (0.07, 0)])
+def test_a_pivot_costs_no_more_than_one_digit(entry, column):
+    """The side that is preferred is given up 81 degrees off the free direction (WORTH_PIVOTING)."""
+    pivots = find_pivots(csr_matrix([[1.0, entry]]), np.array([False, True]))
+    assert pivots.columns.tolist() == [column]
+
+
+@pytest.mark.parametrize(("apart", "kept"), [(1.5e-3, True), (0.7e-3, False)])
+def test_pivots_of_coupled_rows_cost_no_more_than_three_digits(apart, kept):
+    """Beyond, the rows choose again (WELL_CONDITIONED)."""
+    rows = csr_matrix([[1.0, 1.0 - apart, 0.5], [1.0 - apart, 1.0, -0.5]])
+    pivots = find_pivots(rows)
+    assert (set(pivots.columns.tolist()) == {0, 1}) == kept
+    assert abs(pivots.inverse).max() < 1e3
+
+
+@pytest.mark.parametrize(("pivot", "refused"), [(0.7e-3, True), (1.5e-3, False)])
+def test_contact_rows_depend_on_others_where_six_digits_are_lost(pivot, refused):
+    """Of the inverse of their compliance (DEPENDENT)."""
+    W = np.array([[1.0, np.sqrt(1 - pivot**2)], [np.sqrt(1 - pivot**2), 1.0]])
+    if not refused:
+        assert_allclose(definite_inverse(W.copy()) @ W, np.eye(2), atol=1e-9)
+        return
+    with pytest.raises(LinAlgError, match="dependent"):
+        definite_inverse(W)
+
+
+# -- what holds a body -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("share", "free"), [(0.7e-3, 1), (1.5e-3, 0)])
+def test_a_support_a_thousandth_as_wide_holds_no_turn(share, free):
+    """Two nodes in the middle of a square (SUPPORTED); the arm of a square is its diagonal."""
+    half = share  # nodes that are apart by w turn by sqrt(1/2) w / sqrt(2)
+    x = np.array([0.0, 0.5 - half, 0.5 + half, 1.0])
+    basis = fem.Basis(
+        fem.MeshQuad.init_tensor(x, np.array([0.0, 0.5, 1.0])), fem.ElementVector(fem.ElementQuad1())
+    )
+    near = basis.get_dofs(nodes=np.flatnonzero(np.abs(basis.mesh.p - 0.5).max(axis=0) < 0.1))
+    support = Support.of(sc.Body(basis, sc.Elastic(1.0, 0.3), D=near.all()), 0)
+    assert_allclose(support.arm, np.sqrt(2.0), rtol=1e-3)
+    assert support.free.shape[1] == free
+
+
+@pytest.mark.parametrize(("left", "balances"), [(1.4e-4, True), (3e-4, False)])
+def test_forces_along_a_free_motion_balance_to_four_digits(left, balances):
+    """Of load and contact force together (LEFT_ALONG): the digits of the contact problem."""
+    one, none = np.ones((1, 1)), np.zeros((1, 0))
+    motions = SimpleNamespace(k=1, normal=one, modes=one, tangential=np.zeros((1, 0, 1)))
+    state = SimpleNamespace(normal_force=np.ones(1), tangential_force=none)
+    assert balanced(motions, np.array([left - 1.0]), state, 0.0) == balances
+
+
+def test_friction_in_space_holds_a_body_up_to_its_bound():
+    """A hundredth beyond what Coulomb's law can hold is told from statics alone (DIRECTIONS)."""
+    basis = fem.Basis(fem.MeshHex().with_defaults(), fem.ElementVector(fem.ElementHex1()), intorder=2)
+    block = sc.Body(basis, sc.Elastic(1.0, 0.3), name="block")
+    floor = sc.RigidPlane((0, 0, 0), (0, 0, 1))
+    contact = sc.Contact(block.surface("bottom"), floor, friction=sc.Coulomb(0.2))
+    model = sc.ContactSolver(block, contact).linear_model
+    bottom = basis.get_dofs("bottom")
+    for share, slides in ((0.99, False), (1.01, True)):
+        f = np.zeros(basis.N)
+        f[bottom.all("u^3")], f[bottom.all("u^1")] = -1.0, 0.2 * share
+        found = escape(model.motions, model.interface, model.kin.paired, f)
+        assert (found is not None) == slides
+
+
+# -- what is shown of other answers ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("held", "refused"), [(0.7e-5, True), (1.5e-5, False)])
+def test_a_body_that_hardly_holds_its_points_shows_nothing(held, refused):
+    """Forces lose as many digits (LOOSE)."""
+    space = PointSpace(np.diag([1.0, held**2]), np.array([0]), np.array([[1]]))
+    form = lambda: Form(space, np.array([0]), np.array([1]), np.full(1, np.inf))  # noqa: E731
+    if not refused:
+        form()
+        return
+    with pytest.raises(LinAlgError, match="nothing but contact"):
+        form()
+
+
+def test_what_is_shown_is_known_to_a_thousandth():
+    """Of unit springs the form is twice half of one (SHOWN): more would be round-off, less is lost."""
+    space = PointSpace(np.eye(2), np.array([0]), np.array([[1]]))
+    form = Form(space, np.array([0]), np.array([1]), np.full(1, np.inf))
+    found, _ = form.estimate(0.0, form.balance(np.ones(1), np.ones(1)))
+    assert 0.9985 < found / 2.0 < 1.0
+
+
+def test_critical_friction_in_space_has_four_digits():
+    """Where slips are 20 times as stiff one way as the other, across the way gaps couple (DIRECTIONS).
+
+    The least of ``d' K d / (k . d)`` over directions d is ``2 sqrt(s (1 - s)) / k`` with K = diag(1, s)
+    and k along the first axis.
+    """
+    s, k, worst = 1 / 20, 0.1, 0.0
+    for angle in np.linspace(0.0, 0.1, 41):
+        R = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        S = np.eye(3)
+        S[1:, 1:] = R @ np.diag([1.0, s]) @ R.T
+        S[0, 1:] = S[1:, 0] = R @ [k, 0.0]
+        space = PointSpace(S, np.array([0]), np.array([[1, 2]]))
+        found = critical_friction(space, np.array([STICK]), np.ones(1), np.full(1, np.inf))[0]
+        worst = max(worst, abs(found * k / (2 * np.sqrt(s * (1 - s))) - 1))
+    assert 0 < worst < 1e-4
+
+
 # -- kinks of a boundary ---------------------------------------------------------------------------
 
 
@@ -191,6 +371,15 @@ def test_what_a_drift_may_be(numbers, within):
     """Curves over a facet may stand out by a fifth of the approach, points may slip a facet."""
     drift = sc.answers.Drift(closed=1, **numbers)
     assert (drift.small_sliding_holds and not drift.facets_too_long) == within
+
+
+@pytest.mark.parametrize(("overlap", "within"), [(0.28, True), (0.5, False)])
+def test_how_deep_unlike_meshes_may_overlap(overlap, within):
+    """At the end of a wedge that is driven in .28 of the approach, with right forces (OVERLAP)."""
+    drift = sc.answers.Drift(closed=1, approach=1.0)
+    nothing = {"chords": 0.0, "unseen": 0, "opening": 0.0, "angle": 0.0, "angle_over_mu": 0.0}
+    measured = sc.answers.ContactValidity(drift=drift, overlap=overlap, **nothing)
+    assert (measured.excess <= 1.0) == within
 
 
 def test_the_energy_balance_of_a_step_that_is_too_long():

@@ -623,6 +623,17 @@ def test_sides_that_are_not_selected_are_told_where_they_overlap(mirrored):
     assert found(1.0, "bottom") == found(1.2, "bottom") == found(0.9, ["bottom", beside]) == []
 
 
+@pytest.mark.parametrize(("lean", "carries"), [(0.07, 1), (0.15, 0)])
+def test_a_corner_carries_on_a_wall_that_leans_over_by_strains(lean, carries):
+    """Of its two sides the lower one alone is selected (SLACK): by more the wall faces the other."""
+    y = np.linspace(-2.0, 2.0, 5)
+    p = np.array([np.r_[1.05 - np.tan(lean) * y, np.full(5, 4.0)], np.r_[y, y]])
+    mesh = fem.MeshQuad(p, np.array([np.r_[i, i + 5, i + 6, i + 1] for i in range(4)]).T)
+    wall = body(mesh.with_boundaries({"left": lambda x: x[0] < 3})).surface("left")
+    found = corner_contacts(block(2, 0, 1, 0, 1).surface("bottom"), wall)
+    assert len(found.own[1].corner) == carries
+
+
 @pytest.mark.parametrize(("bend", "beyond"), [(90, False), (20, True)])
 def test_a_vertex_beyond_both_facets_meets_a_smooth_joint_alone(bend, beyond):
     """A wedge that points down past the end of a flat top, outside of both facets there.

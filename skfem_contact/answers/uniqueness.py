@@ -65,6 +65,7 @@ from skfem_contact.problem.zone import LOOSE
 from skfem_contact.records import dataclass
 
 #: Directions of friction in half a turn that are tried in 3-D: the least coefficient to four digits.
+#: More take time alone.
 DIRECTIONS = 720
 
 #: What is shown of one answer is shown for this much less than eigenvalues say, so that their own error

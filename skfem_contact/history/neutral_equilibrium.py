@@ -27,7 +27,7 @@ import numpy as np
 from skfem_contact.arrays import Array, Mask, size_of
 from skfem_contact.conditions.motions import NEAR, NOWHERE, RigidMotions, drives
 from skfem_contact.conditions.state import OPEN, State
-from skfem_contact.digits import COMPUTED, SINGLE, SOLVED
+from skfem_contact.digits import COMPUTED, NEWTON_STEPS, SINGLE, SOLVED
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import TURNED, Stepper, pins
 from skfem_contact.history.stepping import advance
@@ -44,12 +44,6 @@ FIRM = (1e-3, 1e-4)
 
 # Share of a point's force that is left with the weaker springs: 0.1 of what they make, 1 of the rest.
 FALLS = 0.5
-
-# Each round of moving the held DOFs gains the strain's digits: exact motions take two.
-ROUNDS = 8
-
-# What is found at rest moves little: no more cuts of the step than one.
-FEW_CUTS = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +210,7 @@ class NeutralEquilibrium:
         centre, floor = self.u_last, COMPUTED * self.terms
         best: Rest | None = None
         nearest_left = np.inf
-        for _ in range(ROUNDS):
+        for _ in range(NEWTON_STEPS):
             way = self._pulled(twin, springs * centre, known)
             attempt = way.attempt
             if not attempt.good:
@@ -250,7 +244,7 @@ class NeutralEquilibrium:
         twin, everywhere = self.model.with_springs(springs), np.ones(self.model.kin.m, dtype=bool)
         Q, R = np.linalg.qr(self.model.motions.modes @ free)
         centre = self.u_last
-        for _ in range(ROUNDS):
+        for _ in range(NEWTON_STEPS):
             way = self._pulled(twin, springs * centre, None, everywhere)
             attempt = way.attempt
             if not attempt.good:
@@ -323,7 +317,7 @@ class NeutralEquilibrium:
     ) -> Advance:
         options = self.stepper.options
         if model.geometry.follows:  # a body that is driven runs off on weak springs, cut by cut
-            options = replace(options, max_cuts=min(options.max_cuts, FEW_CUTS))
+            options = replace(options, max_cuts=0)
         stepper = replace(self.stepper, model=model, barred=barred, options=options)
         return advance(stepper, replace(step, known=known, callback=None))
 

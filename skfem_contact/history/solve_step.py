@@ -22,7 +22,7 @@ from skfem_contact.answers.answer import Answer, Newton, Placed
 from skfem_contact.answers.certificate import certified
 from skfem_contact.answers.result import ContactResult
 from skfem_contact.answers.validity.assess import Watch
-from skfem_contact.answers.validity.validity import Issued
+from skfem_contact.answers.validity.validity import A_TENTH, Issued
 from skfem_contact.arguments import check_kind
 from skfem_contact.arrays import Array, Mask, cross
 from skfem_contact.assemblies.bolt import Bolts
@@ -50,9 +50,6 @@ if TYPE_CHECKING:
 # Sway and turn of a tool over the way that it moves, below which what changes them is compared with
 # this part of the way: a press down by 1 with a shift of 0.001 is one without.
 HARDLY_MOVES = 0.01
-
-# Contact force on a tool over the sum of its parts, from which on it has a direction.
-PRESSED = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -363,7 +360,7 @@ def _moment(attempt: Attempt, body: RigidBody, u: Array) -> tuple[Array, float, 
     moment[np.isin(body.rotations, body.D)] = 0.0
     size = float(np.linalg.norm(total))
     # between two jaws forces cancel, and no direction is that of pressing
-    along = total / size if size > PRESSED * sizes else np.zeros(d)
+    along = total / size if size > A_TENTH * sizes else np.zeros(d)
     return moment, arm, along
 
 

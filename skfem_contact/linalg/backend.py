@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 
 # A pivot divided by its diagonal entry: 0.1 in a body that is well held, 1e-9 in a cantilever of
-# 1000 elements, round-off where a rigid motion is free: up to 1e-12, as it grows with the mesh.
-# So suspicious pivots are followed by an estimate of the smallest eigenvalue of K scaled to a unit
-# diagonal. That is below 1e-16 for a rigid motion, and 1e-12 for the same cantilever.
-LOST, SUSPICIOUS, NEGLIGIBLE = 1e-13, 1e-8, 1e-15
+# 1000 elements, round-off where a rigid motion is free: up to 1e-12, as it grows with the mesh. So
+# small pivots are followed by an estimate of the smallest eigenvalue of K scaled to a unit diagonal.
+# That is below 1e-16 for a rigid motion, and 1e-12 for the same cantilever.
+NEGLIGIBLE = 1e-15
 
 Solve = Callable[[np.ndarray], np.ndarray]
 

@@ -36,11 +36,10 @@ from scipy.linalg.blas import dgemm, dsyrk, dtrsm, dtrsv, strsv
 from scipy.linalg.lapack import dpotrf
 
 from skfem_contact.arrays import Array, Index
+from skfem_contact.digits import SINGLE
 from skfem_contact.errors import InputError
 from skfem_contact.linalg.backend import (
-    LOST,
     NEGLIGIBLE,
-    SUSPICIOUS,
     BodyFactor,
     singular,
     smallest_eigenvalue,
@@ -134,7 +133,7 @@ class MultifrontalCholesky(BodyFactor):
         self.borders = [fronts.border[a:b] for a, b in pairwise(fronts.first.tolist())]
         diagonal = K.diagonal() if free is None else K.diagonal()[free]
         self._factorise(diagonal[fronts.order], points)
-        if self.pivot_ratio < SUSPICIOUS:
+        if not self.pivot_ratio >= SINGLE:  # a NaN is found as well
             self._check_eigenvalue(diagonal, points)
         mirror(self.S.T)  # LAPACK has filled what is above the diagonal
 
@@ -238,10 +237,7 @@ class MultifrontalCholesky(BodyFactor):
                 leftovers.give_back(f)
         pivots = np.concatenate([L11.diagonal() for L11, _ in self.panels])
         ratios = pivots**2 / diagonal[: pivots.size]
-        worst = int(np.argmin(ratios)) if ratios.size else 0  # a NaN is found as well
-        self.pivot_ratio = float(ratios[worst]) if ratios.size else 1.0
-        if not self.pivot_ratio >= LOST:
-            raise singular(order[worst], self.pivot_ratio, points[order[worst]])
+        self.pivot_ratio = float(np.min(ratios, initial=1.0))
 
     def _check_eigenvalue(self, diagonal: np.ndarray, points: np.ndarray) -> None:
         inside = self.order[: self.fronts.start[-2]]

@@ -69,12 +69,6 @@ def _until_rested(loop: Iteration, step: Step, guess: Guess, tolerance: float) -
     yield from through_springs(loop, step, guess, tolerance, known)
 
 
-# In the loop `fictitious` points open and close freely so often; after that only once the friction of
-# the present set has settled (to `GIVEN` of the largest force), or a point could open and close for
-# ever because of friction forces that lag behind.
-FREE_CHANGES = 12
-
-
 def fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]:
     """[M] fig. 4a: the method of fictitious friction forces, accelerated by Anderson's mixing."""
     return _until_rested(_fictitious, step, guess, tolerance)
@@ -94,7 +88,7 @@ def _fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]
     known = step.frictional & (guess.normal_force > 0)
     excess = np.where(known[:, None], mapped - trial, 0.0)
     mixing = Anderson(depth=7)
-    current, free_changes = guess, FREE_CHANGES
+    current = guess
     while True:
         closed_as_stick = np.where(current.status == OPEN, OPEN, STICK)
         status, held = stabilise(step, replace(current, status=closed_as_stick))
@@ -136,8 +130,9 @@ def _fictitious(step: Step, guess: Guess, tolerance: float) -> Iterator[Iterate]
             held=held.motion if held is not None and kept else None,
         )
         image = np.where(elastic[:, None], mapped - trial, 0.0)
-        if wrong.any() and (free_changes > 0 or residual <= GIVEN):
-            free_changes -= 1
+        # not before the friction of the present set has settled, or a point could open and close for
+        # ever because of friction forces that lag behind
+        if wrong.any() and residual <= GIVEN:
             mixing = Anderson(depth=7)  # another set is another fixed-point problem
             excess = image
             status = np.where(proposal.status == OPEN, OPEN, STICK)

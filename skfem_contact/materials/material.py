@@ -26,13 +26,10 @@ from skfem.helpers import ddot, det, inv, trace, transpose
 
 from skfem_contact.arguments import check_switch, number, shown
 from skfem_contact.arrays import Array
+from skfem_contact.digits import GIVEN
 from skfem_contact.errors import InputError, MaterialError
 
 State = Mapping[str, Array]
-
-#: Relative spread of three eigenvalues below which second differences are a Taylor polynomial: it is
-#: wrong by the square of the spread there, and differences by round-off over it.
-ALIKE = 1e-5
 
 
 def solid(H: Array) -> Array:
@@ -197,13 +194,17 @@ def _turned(N: Array, X: Array) -> Array:
 
 
 def _second(values: Array) -> Array:
-    """Second divided differences of the logarithm at values (d, ...) that ascend, (d, d, d, ...)."""
+    """Second divided differences of the logarithm at values (d, ...) that ascend, (d, d, d, ...).
+
+    Of values that are alike by a Taylor polynomial: it is wrong by the square of their spread, and
+    differences by round-off over it.
+    """
     low, mid, high = values[np.sort(np.indices((len(values),) * 3), axis=0)]
     spread = high - low
     with np.errstate(invalid="ignore", divide="ignore"):
         apart = (_first(mid, high) - _first(low, mid)) / spread
     near = -0.5 * (3.0 / (low + mid + high)) ** 2
-    return np.where(spread > ALIKE * low, apart, near)
+    return np.where(spread > GIVEN * low, apart, near)
 
 
 def _first(a: Array, b: Array) -> Array:

@@ -37,9 +37,6 @@ from skfem_contact.materials.material import (
 )
 from skfem_contact.records import dataclass
 
-#: Steps at most in the search for a plastic strain: halving alone has all digits after 53.
-STEPS = 60
-
 USAGE = "give a number, rows of stress and plastic strain, or a function"
 
 
@@ -168,7 +165,7 @@ class J2(Split, Isotropic):
             beyond = np.maximum(reach - known[-1], 0.0) / self._stiff
             return np.maximum(np.interp(reach, known, self.yield_stress[:, 1]) + beyond, p)
         low, high = p, reach / self._stiff  # yield stresses are positive
-        for _ in range(STEPS):
+        for _ in range(np.finfo(float).nmant + 1):  # halving alone has all digits then
             Y, slope = self.yields(p)
             short = reach - self._stiff * p - Y
             if np.all(np.abs(short) <= COMPUTED * reach):

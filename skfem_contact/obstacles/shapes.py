@@ -247,9 +247,9 @@ class RigidSphere(Round):
 # -- functions -------------------------------------------------------------------------------------
 
 
-#: Steps of central differences, as fractions of the size of the surface: for gradients (the cube
-#: root of round-off) and for second derivatives, which only steer the Newton steps.
-DIFFERENCES = (1e-5, 1e-4)
+#: Steps of central differences, as fractions of the size of the surface: roots of round-off, where it
+#: and the error of the quotient are as large. Those of differences again only steer Newton's steps.
+FIRST, SECOND = np.finfo(float).eps ** (1 / np.array([3.0, 4.0]))
 
 
 @with_known_keywords()
@@ -349,7 +349,7 @@ class LevelSet(Obstacle):
 
     def _gradient(self, x: Array, size: float) -> Array:
         if self.gradient is None:
-            return _central(lambda p: self._value(p)[:, None], x, DIFFERENCES[0] * size)[:, 0]
+            return _central(lambda p: self._value(p)[:, None], x, FIRST * size)[:, 0]
         what = "as many finite numbers, component-first"
         return self._asked("gradient", self.gradient, x, x.T.shape, what).T
 
@@ -374,7 +374,7 @@ class LevelSet(Obstacle):
         """
         if self.gradient is None or not len(x):
             return
-        step = DIFFERENCES[0] * size
+        step = FIRST * size
         here = self._value(x)
         shifts = step * np.eye(x.shape[1])
         ahead = np.stack([self._value(x + h) - here for h in shifts], axis=1) / step
@@ -407,7 +407,7 @@ class LevelSet(Obstacle):
         steep = np.maximum(np.sum(gradient**2, axis=1), np.finfo(float).tiny)
         multiplier = np.einsum("md,md->m", x - y, gradient) / steep
         for _ in range(20):
-            second = _central(lambda p: self._gradient(p, size), y, DIFFERENCES[1] * size)
+            second = _central(lambda p: self._gradient(p, size), y, SECOND * size)
             matrix = np.zeros((m, d + 1, d + 1))
             matrix[:, :d, :d] = np.eye(d) + multiplier[:, None, None] * second
             matrix[:, :d, d] = matrix[:, d, :d] = gradient

@@ -28,7 +28,7 @@ from skfem_contact.records import dataclass
 OUT = np.array([-1.0, 1.0, 0.0])
 #: Of the squared length element, the least curvature of the model: beyond a centre of curvature the
 #: true one is negative.
-LEAST = 0.1
+LEAST_CURVATURE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +159,11 @@ def _model_minimum(kind: FacetKind, xi: Array, apart: Array, along: Array, curve
     bend = np.einsum("pd,pijd->pij", apart, curved)
     # as much of the second part as leaves a minimum: by its least eigenvalue in the metric
     least = _least_eigenvalue(metric, bend)
-    share = np.where(least < LEAST - 1.0, (1.0 - LEAST) / np.maximum(-least, np.finfo(float).tiny), 1.0)
+    share = np.where(
+        least < LEAST_CURVATURE - 1.0,
+        (1.0 - LEAST_CURVATURE) / np.maximum(-least, np.finfo(float).tiny),
+        1.0,
+    )
     H = metric + share[:, None, None] * bend
     g = np.einsum("pd,pid->pi", apart, along)
     if kind.dim == 1:

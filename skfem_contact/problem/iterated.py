@@ -34,7 +34,7 @@ from skfem_contact.arrays import Array, Index
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.system import slices
 from skfem_contact.conditions.state import LoadCase
-from skfem_contact.digits import SOLVED
+from skfem_contact.digits import COMPUTED, SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.linalg.amg import (
     AMG,
@@ -57,10 +57,9 @@ from skfem_contact.records import once
 logger = logging.getLogger("skfem_contact")
 
 
-# Residual over the motion by loads to which forces are iterated, and that by springs on anchors:
-# round-off of the factors. Above `SOLVED` there is no answer. A solve takes 15 to 30 products, up to 60
-# where most points slip.
-ITERATED, MOST_PRODUCTS = 1e-13, 400
+# Products with the bodies until forces leave no more than `COMPUTED` of the motion by loads: 15 to 30,
+# up to 60 where most points slip. Above `SOLVED` there is no answer.
+MOST_PRODUCTS = 400
 
 
 # Of one operation, relative: half a unit in the last place.
@@ -84,7 +83,7 @@ class _Forces(HeldForces):
         b = np.append(self.scale * (self.held.known - by_loads), -q0)
         terms = np.append(self.scale * np.hypot(self.held.known, by_loads), q0)
         sizes = sizes_of_parts(self.part, terms)
-        found = self.iterated(b, sizes, begin, ITERATED, MOST_PRODUCTS)
+        found = self.iterated(b, sizes, begin, COMPUTED, MOST_PRODUCTS)
         logger.debug("contact forces: %d products, residual %.1e", found.iterations, found.residual)
         if not (self.rough or found.residual <= SOLVED):
             raise SingularMatrix(
@@ -327,7 +326,7 @@ class GridBody(WholeBody):
         f = np.zeros(len(self.free))
         f[self._place] = force
         most = self._backend.max_iterations
-        given = self.K_free, f, self.grids.cycle, ITERATED, most
+        given = self.K_free, f, self.grids.cycle, COMPUTED, most
         return conjugate_gradients(*given, to_round_off=True)[self._place]
 
     @property

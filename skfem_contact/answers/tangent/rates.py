@@ -37,12 +37,8 @@ from scipy.sparse import block_diag, issparse
 from skfem_contact.answers.tangent.tangent import Slopes, Tangent, Values, add, mapped_slopes
 from skfem_contact.arrays import Array, size_of
 from skfem_contact.conditions.friction_rule import Derivatives, lengths, unit_vectors
-from skfem_contact.digits import SOLVED
+from skfem_contact.digits import NEWTON_STEPS, SOLVED
 from skfem_contact.errors import InputError, NotConverged
-
-#: Changes of states, by point with a kink, before a derivative to one side is given up: directions of
-#: friction are found in a handful.
-MOST_CHANGES = 50
 
 TINY = np.finfo(float).tiny
 HANDED_ON = "slip", "friction", "reference", "bound", "stretch"
@@ -211,7 +207,7 @@ class Verge:
             No statuses fit.
         """
         seen, whole = set[bytes](), True
-        for _ in range(MOST_CHANGES * len(self.tangent.kinks)):
+        for _ in range(NEWTON_STEPS * len(self.tangent.kinks)):  # directions are found in a handful
             rates = self._solved()
             self._read(rates[0])
             key = self.open.tobytes() + self.slips.tobytes()

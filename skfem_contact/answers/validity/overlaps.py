@@ -50,9 +50,6 @@ from skfem_contact.pairing.corners import unselected_sides
 from skfem_contact.pairing.node import node_to_segment
 from skfem_contact.trees import Tree
 
-#: Triangles this many times as large as the faces that meet them: smaller ones are a bend themselves.
-LARGER = 2.0
-
 
 class Overlaps:
     """The facts that are known beforehand of all contacts between two bodies that may overlap.
@@ -453,11 +450,13 @@ def pierced_words(surface: ContactSurface, depth: float, place: Array, label: st
 def leaning_faces(secondary: ContactSurface, outline: ContactSurface) -> Mask:
     """Large triangles that are no pieces of a curve, and whose normals lean nevertheless, shape (nf,).
 
+    Larger than the faces that meet them: smaller ones are a bend themselves.
+
     Normals turn from a flat into a chamfer over a strip along the bend (`obstacles.faceted`). Forces on
     what stands there, and not on the flat, lean by up to half of the angle of the bend.
     A flat that turns alike at both ends, by less than 16 sides to a circle do, may be a piece of one.
     """
-    size = LARGER * float(np.median(secondary.lengths))
+    size = float(np.median(secondary.lengths))
     corners = outline.facet_node_normals[:, : outline.kind.corners]
     off = np.linalg.norm(corners - outline.facet_normals[:, None], axis=2).max(axis=1)
     return kinked_edges(outline).any(axis=1) & (off > A_TENTH) & (outline.lengths > size)

@@ -45,8 +45,9 @@ from skfem_contact.records import dataclass
 #: over the width of the contact, where that is more than a facet (moments); the angle between the
 #: normal that is used and the true one [rad]; the error of gaps over the elastic approach of bodies;
 #: force of points beyond the end of the primary over that of the contact; strain or rotation, of which
-#: linear elasticity leaves out the square; what moments of second order change of a tool's motion; what
-#: friction by stress on the deformed area differs from that on the area before.
+#: linear elasticity leaves out the square; what moments of second order change of a tool's motion; its
+#: contact force over the sum of the parts, from which on it has a direction; what friction by stress on
+#: the deformed area differs from that on the area before.
 A_TENTH = 0.1
 
 #: Slip over a facet of the primary: below one the mesh does not resolve where a force acts.
