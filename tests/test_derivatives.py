@@ -843,6 +843,41 @@ def test_what_has_no_derivative_is_refused(words):
         result.linearized  # noqa: B018
 
 
+@pytest.mark.filterwarnings("ignore::skfem_contact.ContactWarning")
+@pytest.mark.parametrize("linear", ["condensed", sc.linalg.Direct()], ids=["condensed", "Direct"])
+def test_rows_that_depend_on_each_other_are_refused(linear):
+    """Whatever solves: seen through springs they have other derivatives, by a thousandth here."""
+    basis = rectangle(np.linspace(0, 1, 5), np.linspace(0, 1, 5))
+    body = sc.Body(basis, sc.Elastic(1.0, 0.3), D="top", x={"top": (-0.01, -0.01)}, name="block")
+    wall, away = sc.RigidPlane((0, 0), (1, 0)), {"gap": lambda x: 0.02 * (1 - x[1])}
+    foot = sc.Contact(body.surface("bottom"), FLOOR, friction=sc.Coulomb(0.2), name="foot")
+    side = sc.Contact(body.surface("left"), wall, friction=sc.Coulomb(0.3), name="side", **away)
+    result = sc.ContactSolver(body, [foot, side], linear=linear).solve()
+    assert result["side"].status[0] == 0  # the edge that they share
+    with pytest.raises(sc.errors.InputError, match="depend on each other"):
+        result.sensitivity("friction")
+
+
+@pytest.mark.filterwarnings("ignore:The place of body::")
+def test_a_body_whose_place_is_indifferent_is_refused():
+    """Without friction nothing says where along its neighbours the middle one stands."""
+    grids = ((1.0, 0.0), (0.8, 1.0), (0.6, 2.0))
+    low, middle, up = (rectangle(np.linspace(-w, w, 5), np.linspace(y, y + 1, 3)) for w, y in grids)
+    bodies = [
+        sc.Body(low, sc.Elastic(1.0, 0.3), D="bottom", name="low"),
+        sc.Body(middle, sc.Elastic(1.0, 0.3), name="middle"),
+        sc.Body(up, sc.Elastic(1.0, 0.3), D="top", x={"top": (0.0, -0.01)}, name="up"),
+    ]
+    pairs = ((1, 0, "lower"), (2, 1, "upper"))
+    contacts = [
+        sc.Contact(bodies[i].surface("bottom"), bodies[j].surface("top"), name=name)
+        for i, j, name in pairs
+    ]
+    result = sc.ContactSolver(bodies, contacts).solve()
+    with pytest.raises(sc.errors.InputError, match="may stand elsewhere"):
+        result.sensitivity("stiffness")
+
+
 def test_energy_lost_under_bounds_that_change_is_refused():
     """Of one result, in a function of it, and backwards."""
     solver = pressed(friction=Growing())

@@ -12,6 +12,8 @@ from numpy.testing import assert_allclose
 from rectangles import rectangle
 from scipy.linalg import eigh
 from scipy.sparse import csr_matrix
+from skfem.helpers import dot
+from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 import skfem_contact as sc
 
@@ -130,6 +132,29 @@ def test_modes_are_those_of_reduced_matrices(slipping):
     assert_allclose(found.frequency, wanted, rtol=1e-8)
     assert_allclose(found.shapes @ M @ found.shapes.T, np.eye(10), atol=1e-8)
     assert np.all(found.frequency <= solver.modes(result, 10).frequency * (1 + 1e-12))
+
+
+@pytest.mark.parametrize(
+    "cells, pressed, n", [(1, True, 4), (2, True, 4), (2, False, 11), (4, False, 12)]
+)
+def test_modes_of_one_frequency_are_all_found(cells, pressed, n):
+    """Cubes, free and between a wall and a plane without friction, by scikit-fem and LAPACK."""
+    x = np.linspace(-0.5, 0.5, cells + 1)
+    mesh = fem.MeshHex.init_tensor(x, x, x).with_boundaries(
+        {"bottom": lambda x: x[2] == -0.5, "top": lambda x: x[2] == 0.5}
+    )
+    basis = fem.Basis(mesh, fem.ElementVector((fem.ElementHex2 if cells == 1 else fem.ElementHex1)()))
+    cube = sc.Body(basis, STEEL, D="top" if pressed else None, name="cube")
+    plane = sc.RigidPlane((0, 0, -0.5 if pressed else -9), (0, 0, 1))
+    foot = sc.Contact(cube.surface("bottom"), plane, interference=1e-3 * pressed)
+    solver = sc.ContactSolver(cube, foot)
+    found = solver.modes(solver.solve(), n).frequency
+    K = linear_elasticity(*lame_parameters(1.0, 0.3)).assemble(basis)
+    M = fem.BilinearForm(lambda u, v, w: 2.0 * dot(u, v)).assemble(basis)
+    held = np.append(basis.get_dofs("top").all(), basis.get_dofs("bottom").all("u^3"))
+    free = np.setdiff1d(np.arange(basis.N), held if pressed else [])
+    wanted = frequencies(K[free][:, free], M[free][:, free], n)
+    assert_allclose(found, wanted, rtol=1e-8, atol=1e-6 * wanted[-1])
 
 
 def test_joints_that_give_are_springs():

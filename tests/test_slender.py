@@ -105,6 +105,22 @@ def test_a_disc_spring_loses_its_height(height: float) -> None:
     assert told > 0.1
 
 
+def test_a_shallow_arch_gives_way_at_once() -> None:
+    """Its force falls in proportion to its way, where rotations are small beside strains."""
+    forces, told = [], 0.0
+    for kind in ("linear", "nonlinear"):
+        mesh = fem.MeshQuad.init_tensor(np.linspace(-20, 20, 33), np.linspace(0, 1, 3)).with_defaults()
+        mesh = mesh.morphed(lambda p: p[0], lambda p: p[1] + 1 - (p[0] / 20) ** 2)
+        arch = body(mesh, kind, D=["left", "right"], name="arch")
+        tool = sc.RigidCylinder((0, 32), 30, name="tool")
+        solver = sc.ContactSolver(arch, sc.Contact(arch.surface("top"), tool))
+        result = solver.solve(motion={"tool": (0, -0.1)})
+        forces.append(result.normal_force.sum())
+        told = share(result, "arch") if kind == "linear" else told
+    assert_allclose(told, 1 - forces[1] / forces[0], rtol=0.03)
+    assert told > 0.05
+
+
 @pytest.mark.parametrize(
     "other",
     [

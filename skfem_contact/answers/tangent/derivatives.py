@@ -241,8 +241,7 @@ class Jacobian(NamesAttributes):
             said.append("No point slips in this history.")
         if alike := int(told.sum()) - self.rank:
             said.append(f"{alike} combinations of the other parameters have no effect on them.")
-        if said:
-            said.append("Start where they do, measure something else, or leave parameters out.")
+        said += ["Start where they do, measure something else, or leave parameters out."] * bool(said)
         return " ".join(said)
 
 

@@ -180,8 +180,7 @@ def mass(system: System) -> csr_matrix:
     if bare:
         words = f"no mass is given of {', '.join(map(repr, bare))}: give Body(..., mass=), a density,"
         raise InputError(f"{words} form or matrix; RigidBody(..., mass=(m, m, J)), or a held obstacle.")
-    scaled = [system.scaled(body, own) for body, own in zip(system.bodies, mass, strict=True)]
-    return csr_matrix(block_diag(scaled, format="csr"))
+    return csr_matrix(block_diag([*map(system.scaled, system.bodies, mass)], format="csr"))
 
 
 def _nearest(
@@ -199,6 +198,7 @@ def _nearest(
     """
     factor = Direct().factorize(csc_matrix(K + shift * M), points=points, spd=points is not None)
     heavy = np.flatnonzero(abs(M).sum(axis=0))
+    draw, size = np.random.default_rng(0).standard_normal, K.shape[0]
     if len(heavy) <= max(20, 2 * n + 2):  # what ARPACK takes as its own space
         moved = factor.solve(M[:, heavy].toarray())
         found, vectors = eig(moved[heavy])
@@ -206,13 +206,22 @@ def _nearest(
         some = some[np.abs(found[some]) > COMPUTED * np.abs(found[some[0]])]
         squares, vectors = 1.0 / found[some] - shift, moved @ (vectors[:, some] / found[some])
     elif points is not None:
-        inverse = LinearOperator(K.shape, factor.solve, dtype=float)
-        start = M @ np.ones(len(points))
-        # vectors to these digits, of which frequencies have twice as many
-        squares, vectors = eigsh(K, n, M, -shift, OPinv=inverse, v0=start, tol=COMPUTED)
+        squares, vectors, many = np.zeros(0), np.zeros((size, 0)), n
+
+        def others(b: Array) -> Array:
+            return np.asarray(factor.solve(b) - vectors @ (vectors.T @ b / (squares + shift)))
+
+        inverse = LinearOperator(K.shape, others, dtype=float)
+        while many:
+            # vectors to these digits, of which frequencies have twice as many
+            found, own = eigsh(K, many, M, -shift, OPinv=inverse, v0=draw(size), tol=COMPUTED)
+            squares, vectors = np.append(squares, found), np.hstack([vectors, own])
+            # of several modes of one frequency a start has a part of one: another start finds others
+            least, _ = eigsh(K, 1, M, -shift, OPinv=inverse, v0=draw(size), tol=np.sqrt(SOLVED))
+            many = int(least[0] < np.sort(squares)[n - 1] - SOLVED * shift)
     else:
         operator = LinearOperator(K.shape, lambda v: factor.solve(M @ v), dtype=float)
-        found, vectors = eigs(operator, n + 1, v0=np.ones(K.shape[0]))
+        found, vectors = eigs(operator, n + 1, v0=draw(size))
         squares = 1.0 / found - shift
     # a singular mass makes vectors that solve nothing
     resisted, moved = (np.einsum("ij,ij->j", vectors.conj(), A @ vectors) for A in (K, M))
@@ -226,8 +235,7 @@ def _nearest(
 
 def _sized(shapes: NDArray[Any], M: csr_matrix, system: System) -> NDArray[Any]:
     """Shapes of a unit modal mass where they are real; with one as the largest component else."""
-    largest = np.take_along_axis(shapes, np.argmax(np.abs(shapes), axis=1)[:, None], axis=1)
-    shapes = shapes / largest
+    shapes = shapes / np.take_along_axis(shapes, np.argmax(np.abs(shapes), axis=1)[:, None], axis=1)
     if not np.any(np.abs(shapes.imag) > SOLVED):
         shapes = shapes.real
         shapes = shapes / np.sqrt(np.einsum("ij,ji->i", shapes, M @ shapes.T))[:, None]

@@ -141,9 +141,7 @@ def backward(tangent: Tangent, weights: Values, after: Values, loads: bool) -> t
     loads : bool
         Whether derivatives by loads and displacements are wanted, for which the interior is recovered.
     """
-    duals = dict(weights)
-    for name, own in after.items():
-        add(duals, name, own)
+    duals = {key: np.add(weights.get(key, 0.0), after.get(key, 0.0)) for key in {**weights, **after}}
     take(_after(tangent, "lost" in duals), duals, back=True)
     recover = tangent.solved(duals, back=True)
     if loads or tangent.bolts:
@@ -266,8 +264,7 @@ class Verge:
         new = np.flatnonzero((open_ != self.open) | (slips != self.slips))
         new = new if whole else new[-1:]
         self.open[new], self.slips[new] = open_[new], slips[new]
-        turns = self.turns & self.slips
-        direction = np.where(turns[:, None], unit_vectors(trial), self.direction)
-        turned = np.any(lengths(direction - self.direction) > SOLVED)
-        self.direction = direction
+        last, turns = self.direction, self.turns & self.slips
+        self.direction = np.where(turns[:, None], unit_vectors(trial), last)
+        turned = np.any(lengths(self.direction - last) > SOLVED)
         return bool(turned) or len(new) > 0

@@ -172,14 +172,11 @@ class Tangent(NamesAttributes):
     @cached_property
     def direction(self) -> Array:
         """See the class."""
-        along = self.local.tangential_force
+        along, way = self.local.tangential_force, self.answer.plastic_slip
         size = lengths(along)
         # nearly without a bound friction has a direction all the same: that of the slip
-        faint = self.slips & (size <= SOLVED * size.max(initial=0.0))
-        if np.count_nonzero(faint):
-            way = self.answer.plastic_slip
-            along = np.where((faint & way.any(axis=1))[:, None], way, along)
-        return unit_vectors(np.where(self.slips[:, None], along, 0.0))
+        faint = self.slips & way.any(axis=1) & (size <= SOLVED * size.max(initial=0.0))
+        return unit_vectors(np.where(self.slips[:, None], np.where(faint[:, None], way, along), 0.0))
 
     @cached_property
     def slopes(self) -> Slopes:
@@ -298,9 +295,13 @@ class Tangent(NamesAttributes):
 
         Raises
         ------
+        InputError
+            Conditions of points depend on each other: with springs between them derivatives are others.
         NotConverged
             A fluid pushes rims more than the bodies resist.
         """
+        if self.problem.springs is not None:
+            refuse(self.answer, springs=True)
         once, name, rims = (self._back, "u", self.rims) if back else (self._forth, "f", self.rims)
         if rims is not None:
             rims = rims.T if back else rims
@@ -432,8 +433,10 @@ def left_free(posed: Any, closed: Mask, stick: Mask, slope: ArrayLike = 0.0) -> 
     return eliminate(rows, np.zeros(rows.shape[0]), system.D, np.zeros(system.n))
 
 
-def refuse(answer: Answer) -> None:
+def refuse(answer: Answer, springs: bool = False) -> None:
     """Raise `InputError` for an answer that has no tangent, with the reason.
+
+    Or no derivatives, as its points are seen through springs there.
 
     Raises
     ------
@@ -441,6 +444,7 @@ def refuse(answer: Answer) -> None:
     """
     model, interface = answer.model, answer.model.interface
     wears = bool(interface.wear) or bool(np.count_nonzero(answer.state.wear))
+    problem = None if answer.indifferent else model.for_tangents  # where bodies are free there is none
     remembers = [getattr(body, "initial_state", None) for body in model.system.bodies]
     bare = [
         f"{type(own.law).__name__} of contact '{own.contact}'"
@@ -455,12 +459,12 @@ def refuse(answer: Answer) -> None:
         "its load step was cut into {answer.parts} parts. Give the history smaller steps": answer.parts
         > 1,
         "conditions of its points depend on each other, so that forces are not unique. Let contacts "
-        "share no edge, and make a held tool no finer than what it presses": answer.springs,
+        "share no edge, and make a held tool no finer than what it presses": answer.springs or springs,
         "a body may stand elsewhere as well. Prescribe a DOF (D=...)": bool(answer.indifferent),
         "a material has internal variables, which are not differentiated": any(remembers),
         "the law {bare} has no slopes of its own, and difference quotients leave six digits. Give it "
         "slope(...), the derivative of its limit by the normal force, or a return_map(...)": bool(bare),
-        "this route ({model.route}) has no matrix. Take linear='condensed'": model.for_tangents is None,
+        "this route ({model.route}) has no matrix. Take linear='condensed'": problem is None,
     }
     for words, wrong in reasons.items():
         if wrong:  # words are put together where they are needed: a history asks at every step

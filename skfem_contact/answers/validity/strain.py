@@ -252,9 +252,10 @@ def _strain(body: Body, basis: Any, u: Array, elements: Any) -> tuple[Array, Arr
 def displaced_far(result: Answer, name: str, strain: float, rotation: float) -> float:
     """What large displacements of a linear body would change of contact forces, or of its way.
 
-    Over the largest; zero where half of the squared rotation is less than a twentieth of the strain,
-    and NaN where it is not known: of bodies that yield, are warmed or not isotropic, and where one may
-    stand elsewhere as well.
+    Over the largest; zero where the squared rotation is less than a hundredth of the strain, or less
+    than a tenth of it and the change below ten strains. (Shallow arches lose a tenth of their force
+    where it is a twentieth of the strain, and are strained by a thousandth.) NaN where it is not known:
+    of bodies that yield, are warmed or not isotropic, and where one may stand elsewhere as well.
 
     Parameters
     ----------
@@ -265,7 +266,7 @@ def displaced_far(result: Answer, name: str, strain: float, rotation: float) -> 
         Where most of its energy is, see `strains`.
     """
     body = result.system.solids[name]
-    if rotation**2 <= A_TENTH * strain:
+    if rotation**2 <= A_TENTH**2 * strain:
         return 0.0
     K, u = result.stiffness[result.system.index(body)], result.stretched(name)
     unknown = body.nonlinear or body.thermal is not None or body.moduli is None or K is not body.K
@@ -285,7 +286,9 @@ def displaced_far(result: Answer, name: str, strain: float, rotation: float) -> 
     summed = [(change[part].sum(), forces[part].sum()) for part in result.slices()]
     changed, whole = np.abs(summed).max(axis=0)
     of_forces = changed / whole if whole > 0 else 0.0
-    return float(max(of_forces, np.abs(moved).max() / np.abs(u).max()))
+    share = float(max(of_forces, np.abs(moved).max() / np.abs(u).max()))
+    # a block that hardly turns changes by some times its strain, which tells it, an arch by far more
+    return share if rotation**2 > A_TENTH * strain or A_TENTH * share > strain else 0.0
 
 
 def _moved(result: Answer, problem: ContactProblem, body: Body, f: Array) -> tuple[Array, Array]:
