@@ -109,11 +109,18 @@ PLACES = [((0.25, 0.4), (0.5, 0.5)), ((0, 0), (0, 0)), ((0, 0), (0.5, 0.5)), ((0
     [
         ("mortar", "flat", "quad4", PLACES[:1]),
         ("node", "ball", "quad4", PLACES[:1]),
+        ("mortar", "ball", "tri6", PLACES[:1]),
         *(
             pytest.param(method, secondary, kind, PLACES, marks=pytest.mark.slow)
             for method in ("mortar", "node")
             for secondary in ("flat", "ball")
             for kind in ("quad4", "tri3")
+        ),
+        *(
+            pytest.param(method, secondary, kind, PLACES[:2], marks=pytest.mark.slow)
+            for method in ("mortar", "node")
+            for secondary in ("flat", "ball")
+            for kind in ("quad8", "quad9", "tri6")
         ),
     ],
     ids=lambda value: value if isinstance(value, str) else f"{len(value)} places",

@@ -26,8 +26,9 @@ A long face along the axis of a cylinder has none: it is straight there. Node by
 of what comes down in the middle of a face of the secondary: there it is the height over the whole
 face, ``tr(K S) / 2`` with the mean S of ``x x'`` over its corners x seen from its middle, twice that
 over the edge of a square. What the secondary itself bends does not count in it, as its nodes are on it.
-Middle nodes halve the edges, but for control points (`pairing.node`): under a curve these touch early
-by e of the whole edge, and nothing comes down between them.
+Middle nodes halve the edges, but where corners take of the middles (control points, `pairing.node`,
+and functions of mortar): under a curve these touch early by e of the whole edge, and nothing comes
+down between them.
 
 A rigid cylinder, sphere or plane is met node by node: K_p is its own. The pieces of an outline or an
 STL bend as facets do; its flats are met as they are. Where the bodies are pressed in by a given d that
@@ -72,26 +73,21 @@ def sagittas(
     Returns
     -------
     ndarray, shape (m,)
-        Zero where no side is a curve: on straight sides, kinks and polygons of less than 16 sides. What
-        two sides of curved second-order faces leave, or these and a curved obstacle, is not known.
+        Zero where no side is a curve: on straight sides, kinks and polygons of less than 16 sides.
     """
     m, facets, d = len(secondary.points), secondary.facets, secondary.dim
     # nothing comes down unseen between control points, which touch early by the height over an edge
-    control = by_node and secondary.kind.taken > 0
+    control = secondary.kind.taken > 0
     own, edges = bends(secondary, halves=not control)
     if isinstance(primary, ContactSurface):
         assert facet is not None
         met, of_point = np.unique(facet, return_inverse=True)
         of_primary, others = (found[of_point] for found in bends(primary, met))
-        curved = primary.quadratic
         if isinstance(primary.body, NoBody):  # its flats are met as they are, however long
             others = others * of_primary.any(axis=(1, 2))[:, None, None]
     else:
         of_primary, others = np.broadcast_to(primary, (m, d, d)), np.zeros((m, 1, d))
-        curved = bool(own.any() and of_primary.any())
-    # curved faces that fit are known to differ little; which of them bend is not known well enough
-    fit = d == 3 and secondary.quadratic and curved
-    if fit or not (own.any() or of_primary.any()):
+    if not (own.any() or of_primary.any()):
         return np.zeros(m)
     mean = np.zeros((m, d, d))
     np.add.at(mean, facets, own[:, None])
@@ -189,10 +185,12 @@ def bends(
         edges = (
             edges[:, :1] * (surface.lengths[some] / np.linalg.norm(edges[:, 0], axis=1))[:, None, None]
         )
-    if surface.dim == 2 and bend.any():
-        bend[kinked_edges(surface, some).any(axis=1)] = 0.0
+    # middle nodes that are on a curve say that a facet is a piece of one, however far it turns
+    bowed = bowed_facets(surface.points, facets, surface.kind)
+    kinked = kinked_edges(surface, some) & ~bowed[:, None]
+    if surface.dim == 2:
+        bend[kinked.any(axis=1)] = 0.0
     elif bend.any():
-        kinked = kinked_edges(surface, some)
         bent = np.broadcast_to(np.eye(3), bend.shape)  # what is across kinked edges, parallel or not
         for way in np.moveaxis(kinked[..., None] * edges, 1, 0):
             left = np.einsum("fab,fb->fa", bent, way)
@@ -203,8 +201,7 @@ def bends(
     if not (surface.quadratic and halves):
         return bend, edges
     # a facet with its middle nodes on the curve has two parts
-    halved = bowed_facets(surface.points, facets, surface.kind)
-    halved |= surface.dim == 3 and not bend.any()
+    halved = bowed | (surface.dim == 3 and not bend.any())
     return bend, np.where(halved[:, None, None], 0.5, 1.0) * edges
 
 

@@ -232,7 +232,8 @@ def pressed_in(
 
 
 def elastic_approach(result: Answer, i: int, displacement: Array | None = None) -> float:
-    """What bodies take up at closed points, less their supports' rigid motions; 0 where they float.
+    """What bodies take up at closed points, less the rigid motion of their supports or, where these
+    do not hold them there, of the whole body.
 
     Takes the displacements (n,) of all bodies, or some that are right on surfaces and at supports.
 
@@ -247,7 +248,7 @@ def elastic_approach(result: Answer, i: int, displacement: Array | None = None) 
         support = Support.of(body, 0)
         unit = support.unit_at(contact.secondary.points[closed])
         if not support.holds(unit, result.kin.normal[part][closed]):
-            return 0.0
+            support = Support.of(body, 0, np.arange(body.n))
         rigid = support.at(body.dof_points, support.motion(elastic[system.slice(body)]))
         elastic[system.slice(body)] -= rigid[np.arange(body.n), body.dof_component]
     if contact.rigid_body is not None:

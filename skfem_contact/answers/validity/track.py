@@ -491,9 +491,7 @@ class ContactWatch(Track):
         return pressed, pressed / width if width else 0.0
 
     def _sagitta(self, result: Answer, u: Array) -> float:
-        # how far bodies that no support holds against a tool are pressed in is known from forces alone,
-        # which tell too little of it
-        if not self.curved or (self.rigid and not self.borne):
+        if not self.curved:
             return 0.0
         force = result.state.normal_force[self.part]
         force = np.where(result.state.status[self.part] != OPEN, force, 0.0)
@@ -525,8 +523,13 @@ class ContactWatch(Track):
         return np.asarray(self.added - result.worn_case.interference[self.part])
 
     def seems_coarse(self, result: Answer, drift: Drift) -> bool:
-        """Whether facets seem too long; by displacements where points slide far or a force moves it."""
-        if (self.small and not self.tool) or not drift.facets_too_long:
+        """Whether facets seem too long; by displacements where forces alone say how far sides give way.
+
+        They tell too little of it where points slide far, a force moves a tool, or no support holds a
+        body against one.
+        """
+        by_forces = not self.small or self.tool or (self.rigid and not self.borne)
+        if not (by_forces and drift.facets_too_long):
             return drift.facets_too_long
         u = result.u if self.small else result.at_surfaces()
         return with_elastic_approach(result, self.i, drift, u).facets_too_long
