@@ -260,6 +260,25 @@ def across(along: np.ndarray) -> np.ndarray:
     return out
 
 
+def lengths(vectors: Array) -> Array:
+    """Lengths of vectors (m, d), shape (m,); in every iteration, so it is quick."""
+    if vectors.shape[1] == 1:
+        return np.abs(vectors[:, 0])
+    return np.asarray(np.linalg.norm(vectors, axis=1))
+
+
+def unit_vectors(vectors: Array) -> Array:
+    """Vectors (k, d) over their lengths; those of length zero stay.
+
+    >>> unit_vectors(np.array([[3.0, 4.0], [0.0, 0.0]])).tolist()
+    [[0.6, 0.8], [0.0, 0.0]]
+    """
+    if vectors.shape[1] == 1:
+        return np.sign(vectors)
+    size = lengths(vectors)
+    return np.asarray(vectors / np.where(size > 0, size, 1.0)[:, None])
+
+
 def sizes(vectors: np.ndarray) -> np.ndarray:
     """Lengths of vectors (..., d), shape (...).
 

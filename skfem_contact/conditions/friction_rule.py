@@ -20,31 +20,12 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask
+from skfem_contact.arrays import Array, Index, Mask, lengths, unit_vectors
 from skfem_contact.digits import SINGLE
 
 # A trial force beyond any bound, for points that slip in a known direction. A power of two, so that the
 # force on the bound has no round-off; and its fourth power is still a number.
 BEYOND = 2.0**250
-
-
-def lengths(vectors: Array) -> Array:
-    """Lengths of tangential vectors (m, d-1), shape (m,); in every iteration, so it is quick."""
-    if vectors.shape[1] == 1:
-        return np.abs(vectors[:, 0])
-    return np.asarray(np.linalg.norm(vectors, axis=1))
-
-
-def unit_vectors(vectors: Array) -> Array:
-    """Vectors (k, d) over their lengths; those of length zero stay.
-
-    >>> unit_vectors(np.array([[3.0, 4.0], [0.0, 0.0]])).tolist()
-    [[0.6, 0.8], [0.0, 0.0]]
-    """
-    if vectors.shape[1] == 1:
-        return np.sign(vectors)
-    size = lengths(vectors)
-    return np.asarray(vectors / np.where(size > 0, size, 1.0)[:, None])
 
 
 class Derivatives(NamedTuple):

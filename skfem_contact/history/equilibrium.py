@@ -14,9 +14,9 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.arrays import Array, Mask
+from skfem_contact.arrays import Array, Mask, lengths
 from skfem_contact.bodies.surface import ContactSurface
-from skfem_contact.conditions.friction_rule import jumps_open, lengths, resisting_slips
+from skfem_contact.conditions.friction_rule import jumps_open, resisting_slips
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.motions import (
     BARELY,

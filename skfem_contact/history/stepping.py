@@ -28,8 +28,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Mask
-from skfem_contact.conditions.friction_rule import lengths
+from skfem_contact.arrays import Array, Mask, lengths
 from skfem_contact.conditions.interface import Interface
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, LocalState, State

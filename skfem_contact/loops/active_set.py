@@ -43,8 +43,8 @@ from functools import cached_property
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask
-from skfem_contact.conditions.friction_rule import BEYOND, grows, lengths
+from skfem_contact.arrays import Array, Index, Mask, lengths
+from skfem_contact.conditions.friction_rule import BEYOND, grows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState
 from skfem_contact.digits import COMPUTED, GIVEN, SINGLE
 from skfem_contact.loops.step import Guess, Iterate, Step, stabilise

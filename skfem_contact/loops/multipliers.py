@@ -26,8 +26,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from skfem_contact.arrays import Array, Index, Mask, size_of
-from skfem_contact.conditions.friction_rule import lengths
+from skfem_contact.arrays import Array, Index, Mask, lengths, size_of
 from skfem_contact.conditions.kinematics import without_columns
 from skfem_contact.conditions.rows import stacked_rows
 from skfem_contact.conditions.state import OPEN, SLIP, STICK

@@ -10,8 +10,8 @@ from dataclasses import field
 
 import numpy as np
 
-from skfem_contact.arrays import Array, Index, Mask
-from skfem_contact.conditions.friction_rule import BEYOND, FrictionRule, lengths
+from skfem_contact.arrays import Array, Index, Mask, lengths
+from skfem_contact.conditions.friction_rule import BEYOND, FrictionRule
 from skfem_contact.conditions.motions import RigidMotions
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState
 from skfem_contact.digits import DECIMALS, GIVEN, ROUND_OFF, SINGLE

@@ -35,8 +35,8 @@ import numpy as np
 from scipy.sparse import block_diag, issparse
 
 from skfem_contact.answers.tangent.tangent import Slopes, Tangent, Values, add, mapped_slopes
-from skfem_contact.arrays import Array, size_of
-from skfem_contact.conditions.friction_rule import Derivatives, lengths, unit_vectors
+from skfem_contact.arrays import Array, lengths, size_of, unit_vectors
+from skfem_contact.conditions.friction_rule import Derivatives
 from skfem_contact.digits import NEWTON_STEPS, SOLVED
 from skfem_contact.errors import InputError, NotConverged
 

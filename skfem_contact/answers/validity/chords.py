@@ -185,24 +185,31 @@ def bends(
         edges = (
             edges[:, :1] * (surface.lengths[some] / np.linalg.norm(edges[:, 0], axis=1))[:, None, None]
         )
-    # middle nodes that are on a curve say that a facet is a piece of one, however far it turns
-    bowed = bowed_facets(surface.points, facets, surface.kind)
-    kinked = kinked_edges(surface, some) & ~bowed[:, None]
-    if surface.dim == 2:
-        bend[kinked.any(axis=1)] = 0.0
-    elif bend.any():
-        bent = np.broadcast_to(np.eye(3), bend.shape)  # what is across kinked edges, parallel or not
-        for way in np.moveaxis(kinked[..., None] * edges, 1, 0):
-            left = np.einsum("fab,fb->fa", bent, way)
-            size, length = np.linalg.norm(left, axis=1), np.linalg.norm(way, axis=1)
-            left /= np.where(size > A_TENTH * length, size, np.inf)[:, None]
-            bent = bent - left[:, :, None] * left[:, None, :]
-        bend = bent @ bend @ bent
+    bowed = np.zeros(len(facets), dtype=bool)
+    if surface.quadratic:
+        bowed = bowed_facets(surface.points, facets, surface.kind)
+    if bend.any():
+        # middle nodes that are on a curve say that a facet is a piece of one, however far it turns
+        kinked = kinked_edges(surface, some) & ~bowed[:, None]
+        bend = _across(bend, kinked, edges)
     if not (surface.quadratic and halves):
         return bend, edges
     # a facet with its middle nodes on the curve has two parts
     halved = bowed | (surface.dim == 3 and not bend.any())
     return bend, np.where(halved[:, None, None], 0.5, 1.0) * edges
+
+
+def _across(bend: Array, kinked: Mask, edges: Array) -> Array:
+    """Tensors (nf, d, d) of facets without what bends across kinked edges (nf, c), parallel or not."""
+    if bend.shape[1] == 2:
+        return np.where(kinked.any(axis=1)[:, None, None], 0.0, bend)
+    bent = np.broadcast_to(np.eye(3), bend.shape)
+    for way in np.moveaxis(kinked[..., None] * edges, 1, 0):
+        left = np.einsum("fab,fb->fa", bent, way)
+        size, length = np.linalg.norm(left, axis=1), np.linalg.norm(way, axis=1)
+        left /= np.where(size > A_TENTH * length, size, np.inf)[:, None]
+        bent = bent - left[:, :, None] * left[:, None, :]
+    return np.asarray(bent @ bend @ bent)
 
 
 def curvatures(surface: ContactSurface, some: Index | slice = EVERY) -> Array:
