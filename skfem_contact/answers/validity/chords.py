@@ -185,7 +185,7 @@ def bends(
         edges = (
             edges[:, :1] * (surface.lengths[some] / np.linalg.norm(edges[:, 0], axis=1))[:, None, None]
         )
-    bowed = np.zeros(len(facets), dtype=bool)
+    bowed: Mask = np.zeros(len(facets), dtype=bool)
     if surface.quadratic:
         bowed = bowed_facets(surface.points, facets, surface.kind)
     if bend.any():
