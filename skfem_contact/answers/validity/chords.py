@@ -195,7 +195,7 @@ def bends(
     if not (surface.quadratic and halves):
         return bend, edges
     # a facet with its middle nodes on the curve has two parts
-    halved = bowed | (surface.dim == 3 and not bend.any())
+    halved = np.asarray(bowed | (surface.dim == 3 and not bend.any()))
     return bend, np.where(halved[:, None, None], 0.5, 1.0) * edges
 
 
