@@ -202,7 +202,8 @@ def bends(
 def _across(bend: Array, kinked: Mask, edges: Array) -> Array:
     """Tensors (nf, d, d) of facets without what bends across kinked edges (nf, c), parallel or not."""
     if bend.shape[1] == 2:
-        return np.where(kinked.any(axis=1)[:, None, None], 0.0, bend)
+        bend[kinked.any(axis=1)] = 0.0
+        return bend
     bent = np.broadcast_to(np.eye(3), bend.shape)
     for way in np.moveaxis(kinked[..., None] * edges, 1, 0):
         left = np.einsum("fab,fb->fa", bent, way)
