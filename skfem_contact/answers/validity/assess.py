@@ -73,7 +73,7 @@ OF_CONTACTS = ("sliding", "overlap", "facets")
 #: approach over extent are .8 times the strain where the energy is, or more, and .9 of the turn of a
 #: cantilever; what supports and surfaces are off a rigid motion is .3 of the turn of a beam that is
 #: bent on three points.
-SUSPECTED = 0.25
+PRESSED, SUSPECTED = 0.5, 0.25
 
 #: What takes a look at whole bodies of its own.
 LOOKED = frozenset({"displacement", "locking"})
@@ -277,7 +277,7 @@ class Watch:
             turn, stretch = abs(known.turns.get(name, 0.0)), known.stretches.get(name, 0.0)
             # where a body yields, pressures tell no strain, and measuring it costs little of a step
             yields = self.system.solids[name].nonlinear
-            strained = yields or max(strain, stretch) > SUSPECTED * A_TENTH
+            strained = yields or max(strain / PRESSED, stretch / SUSPECTED) > A_TENTH
             beyond = {
                 "strain": strained,
                 "rotation": strained or turn > SUSPECTED * A_TENTH,

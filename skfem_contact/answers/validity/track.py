@@ -290,8 +290,7 @@ class ContactWatch(Track):
         self.small = contact.sliding == "small"
         self.rigid, self.tool = contact.rigid, contact.rigid_body is not None
         self.of_triangles = of_triangles(contact)
-        both = contact.secondary, contact.primary
-        self.sides = sides = [side for side in both if isinstance(side, ContactSurface)]
+        sides = self.sides
         self.bodies = [self.system.index(side.body) for side in sides]
         # the diagonal of K at a surface is of the order of the modulus, whatever the mesh; in 3-D
         # of half of it times the size of a face. Its mean over the axes is the same in all axes
@@ -507,6 +506,11 @@ class ContactWatch(Track):
 
     def _placed(self, u: Array, side: ContactSurface) -> Array:
         return np.asarray(side.points + u[self.system.slice(side.body)][side.dofs])
+
+    @property
+    def sides(self) -> list[ContactSurface]:
+        """Its sides that are bodies."""
+        return [side for side in (self.secondary, self.primary) if isinstance(side, ContactSurface)]
 
     @cached_property
     def chords(self) -> list[float]:
