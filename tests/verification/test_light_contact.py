@@ -134,6 +134,28 @@ def test_ten_times_too_large():
     assert ratio == pytest.approx(1.0, abs=0.05) and not warned
 
 
+@pytest.mark.parametrize("pressed_by", ["displacement", "force"])
+def test_what_presses_on_a_plane_is_seen_by_what_it_takes_up(pressed_by):
+    """One node has all of the force, whether a displacement or that force is given: both are told."""
+    basis = block("arc", CHORD, "Q1")
+    top, plane = basis.get_dofs("top"), sc.RigidPlane(point=(0, 0), normal=(0, 1))
+    steel, x = elastic(1.0, 0.3), np.zeros(basis.N)
+    x[top.all("u^2")] = -3 * HEIGHT
+    arc = sc.Body(basis, steel, D="top", x=x, name="arc")
+    if pressed_by == "force":
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            held = sc.ContactSolver([arc], [sc.Contact(arc.surface("bottom"), plane)]).solve()
+        width = np.ptp(basis.doflocs[0])
+        load = {"top": (0.0, -held.force[1] / width)}
+        arc = sc.Body(basis, steel, D={"top": "x", "left": "x"}, f=load, name="arc")
+    with pytest.warns(sc.ContactWarning, match="over the length of one facet the two sides stand"):
+        result = sc.ContactSolver([arc], [sc.Contact(arc.surface("bottom"), plane)]).solve()
+    assert np.count_nonzero(result.status) == 1
+    drift = result.validity.contacts["contact 1"].drift
+    assert drift.facets_too_long and not result.validity.holds
+
+
 def test_a_given_gap_knows_the_arc():
     """Who gives the gap has it measured on no chord."""
     pressed(1.02, shift=(0.5, 0.0), gap=lambda x: 0.5 * x[0] ** 2)
