@@ -85,7 +85,7 @@ class once(Generic[T]):
         known, turn = vars(instance), f"turn of {self.name}"
         with known.setdefault(turn, Lock()):
             if self.name not in known:
-                known[self.name] = self.function(instance)
+                known.setdefault(self.name, self.function(instance))  # if nobody has set it by now
             known.pop(turn, None)  # who has it by now finds the value
             found: T = known[self.name]
             return found
