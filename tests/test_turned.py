@@ -217,3 +217,51 @@ def test_glue_that_nothing_faces_is_told() -> None:
     with pytest.warns(sc.ContactWarning, match=r"on disc glues 4 of 8 points.* faces 4, .*`reach`"):
         sc.ContactSolver([slab], sc.Contact(both, disc, tied=True))
     sc.ContactSolver([slab], sc.Contact(both, disc, tied=True, reach=0.5))
+
+
+@pytest.mark.parametrize("of_body", [False, True], ids=["motion", "rigid body"])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_what_turns_with_its_grips_feels_nothing(dim: int, of_body: bool) -> None:
+    """A pressed square that two planes grip and turn by 30 degrees: frames change, and no force.
+
+    A grip at a distance R that turns by a slips by R a^3 / 12 in a step, and so by 2e-4 of the square
+    in each of these; it is pressed in by 1e-2.
+    """
+    x = np.linspace(-1, 1, 7)
+    if dim == 2:
+        mesh, element = fem.MeshQuad.init_tensor(x, x), fem.ElementQuad1()
+    else:
+        mesh, element = fem.MeshHex.init_tensor(x, x, np.array([0.0, 1.0])), fem.ElementHex1()
+    ends = {"low": lambda x: x[1] < -0.999, "high": lambda x: x[1] > 0.999}
+    body = sc.NonlinearBody.from_mesh(
+        mesh.with_boundaries(ends),
+        fem.ElementVector(element),
+        sc.materials.SaintVenantKirchhoff(1000.0, 0.3),
+        D=lambda basis: basis.nodal_dofs[2] if dim == 3 else [],
+        name="square",
+    )
+    up, zero = np.eye(dim)[1], (0.0,) * dim
+    tools: list[Any] = [sc.RigidPlane(-up, up, name="low"), sc.RigidPlane(up, -up, name="high")]
+    if of_body:
+        held = range(3 if dim == 2 else 6)
+        tools = [sc.RigidBody(tool, about=zero, D=held, name=tool.name) for tool in tools]
+    settings: dict[str, Any] = {"friction": sc.Coulomb(0.9), "sliding": "finite"}
+    solver = sc.ContactSolver(
+        [body, *tools] if of_body else body,
+        [sc.Contact(body.surface(t.name), t, name=t.name, **settings) for t in tools],
+    )
+
+    def step(angle: float, depth: float) -> dict[str, Any]:
+        turn: Any = angle if dim == 2 else (0.0, 0.0, angle)
+        way = (depth * np.sin(angle), -depth * np.cos(angle), 0.0)[:dim]
+        if not of_body:
+            return {"motion": {"low": (zero, turn, zero), "high": (way, turn, zero)}}
+        return {"x": {"low": (*zero, *np.atleast_1d(turn)), "high": (*way, *np.atleast_1d(turn))}}
+
+    angles = np.radians([10.0, 20.0, 30.0])
+    pressed, *_, last = solver.history([step(0.0, 0.01), *(step(a, 0.01) for a in angles)])
+    assert np.all(last["high"].status == 1)
+    slipped = 3 * (angles[0] ** 3 / 12) / 0.01  # over what is pressed in
+    force, turned = (np.linalg.norm(r["high"].force) for r in (pressed, last))
+    assert_allclose(turned, force, rtol=slipped)
+    assert_allclose(last["high"].pressure.max(), pressed["high"].pressure.max(), rtol=3 * slipped)

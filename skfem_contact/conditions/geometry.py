@@ -45,9 +45,9 @@ from skfem_contact.conditions.kinematics import (
 )
 from skfem_contact.conditions.orthotropic import OrthotropicCoulomb
 from skfem_contact.conditions.rows import as_motion
-from skfem_contact.conditions.state import OPEN, LoadCase, LocalState, Motion, transport
+from skfem_contact.conditions.state import OPEN, LoadCase, LocalState, Motion, swept, transport
 from skfem_contact.digits import GIVEN
-from skfem_contact.obstacles.obstacle import Obstacle, spin, spin_rate
+from skfem_contact.obstacles.obstacle import Obstacle, spin_rate
 from skfem_contact.obstacles.rigid_body import RigidBody
 from skfem_contact.pairing.node import Pairing
 
@@ -160,11 +160,9 @@ class Geometry:
 
         From the start: sums of slips would lead away from there, turn by turn.
         """
-        contact, first = self.contacts[i], self.pairings[i]
-        side, tool = contact.secondary, contact.rigid_body
+        first, tool = self.pairings[i], self.contacts[i].rigid_body
         motion = case.motion[i] if tool is None else Motion(*as_motion(self.system, tool, u))
-        moved = first.secondary_weights @ u[self.system.slice(side.body)][side.dofs]
-        axes = kin.axes[self.point_slices[i]]
+        moved, axes = self._points_moved(i, u), kin.axes[self.point_slices[i]]
         return np.einsum("ikd,id->ik", axes, moved - motion.shift(first.action))
 
     @cached_property
@@ -195,24 +193,23 @@ class Geometry:
                 torn = self._torn(i, kin, u, case)
                 slip0[part] = torn - (kin.B_t[rows] @ u).reshape(torn.shape)
             elif self.contacts[i].rigid:
-                step = case.motion[i].slid(before.motion[i], kin.action[part])
-                step += self._spun(i, kin, u_n, u)
+                at = kin.action[part]
+                halfway = at - 0.5 * self._points_moved(i, u - u_n)
+                tool = self.contacts[i].rigid_body
+                if tool is None:
+                    step = case.motion[i].slid(before.motion[i], halfway)
+                else:
+                    old, new = (Motion(*as_motion(self.system, tool, v)) for v in (u_n, u))
+                    step = _beyond_rows(old, new, at, halfway)
                 slip0[part] -= np.einsum("ikd,id->ik", kin.axes[part], step)
         slip0 = np.where(finite[:, None], slip0, case.slip0)
         return replace(case, gap0=gap0, slip0=slip0)
 
-    def _spun(self, i: int, kin: Kinematics, before: Array, u: Array) -> Array | float:
-        """Return how far the spin of a rigid body in space has moved points beyond the rows, (m, d).
-
-        They take it for the change of the rotation vector, which it is about a fixed axis.
-        """
-        body = self.contacts[i].rigid_body
-        if body is None or body.dim == 2:
-            return 0.0
-        old, new = (as_motion(self.system, body, at) for at in (before, u))
-        beyond = spin(old[1], new[1]) - (new[1] - old[1])
-        arm = kin.action[self.point_slices[i]] - body.about - new[0]
-        return np.asarray(np.cross(beyond, arm))
+    def _points_moved(self, i: int, u: Array) -> Array:
+        """Displacements (m, d) of the points of the secondary, by those of all DOFs (n,)."""
+        side = self.contacts[i].secondary
+        moved = self.pairings[i].secondary_weights @ u[self.system.slice(side.body)][side.dofs]
+        return np.asarray(moved)
 
     def turned(self, at: Array, u: Array) -> tuple[Array, float]:
         """Displacements u (n,) with rigid bodies turned as rows mean it; how much that differs [rad].
@@ -376,3 +373,13 @@ def secondary_dofs(system: System, contacts: Sequence[Contact]) -> Mask:
         surface = contact.secondary
         mask[system.offsets[system.index(surface.body)] + surface.dofs] = True
     return mask
+
+
+def _beyond_rows(old: Motion, new: Motion, points: Array, halfway: Array) -> Array:
+    """Return how far a rigid body has moved points (m, d) along itself beyond the rows, (m, d).
+
+    These know the arms of the end, and take the spin in space for the change of the rotation vector,
+    which it is about a fixed axis.
+    """
+    by_rows = swept(new.angle - old.angle, points - new.centre - new.translation)
+    return new.slid(old, halfway) - (new.translation - old.translation) - by_rows

@@ -201,6 +201,13 @@ class State(_History):
         return replace(self, **{name: getattr(self, name)[source] for name in names}, vertex=vertex)
 
 
+def swept(turn: Any, arm: Array) -> Array:
+    """How far arms (m, d) sweep in a turn, linear in it: a number, or a vector (3,) in space."""
+    if np.ndim(turn):
+        return np.asarray(np.cross(turn, arm))
+    return np.asarray(turn * np.column_stack([-arm[:, 1], arm[:, 0]]))
+
+
 @dataclass(frozen=True, eq=False)
 class Motion:
     """Motion of a rigid obstacle since the start: a turn about a centre, then a translation.
@@ -247,17 +254,12 @@ class Motion:
         """Return how far the obstacle's surface has moved along itself at points, (m, d).
 
         Linear in the turn: over a point of contact the surface of a spinning roller passes with the
-        length of the arc. In space the turn is the spin on the way between both.
+        length of the arc. In space the turn is the spin on the way between both. Of points that move
+        it takes the places halfway: what turns with the obstacle then does not slip.
         """
-        step = np.tile(self.translation - before.about(self.centre).translation, (len(points), 1))
-        turn = self.angle - before.angle
-        if not np.any(turn):
-            return step
-        arm = points - self.centre - self.translation
-        if np.ndim(turn):
-            return np.asarray(step + np.cross(spin(before.angle, self.angle), arm))
-        step += turn * np.column_stack([-arm[:, 1], arm[:, 0]])
-        return step
+        start, end = before.about(self.centre).translation, self.translation
+        turn = spin(before.angle, self.angle) if np.ndim(self.angle) else self.angle - before.angle
+        return end - start + swept(turn, points - self.centre - 0.5 * (start + end))
 
     def shift(self, points: Array) -> Array:
         """Displacement of the obstacle at some points, shape (m, d)."""
