@@ -7,7 +7,7 @@
   numbering; `nonlinear`: bodies that yield or stretch, `equations`: their equations; a
   stiffness that is held elsewhere, by a backend;
 * `surface`: a boundary as contact sees it, of a body or of none;
-* `facet_kinds`: the shape functions of facets, their areas and normals;
+* `facet_kinds`: kinds of facets, their shape functions, areas and normals;
 * `normal_field`: what lies across edges, averaged normals, and where a surface turns;
 * `quadrics`: the smooth boundaries that nodes lie on.
 """

@@ -278,6 +278,7 @@ def _on_line(t: Array, k: int) -> tuple[Array, Array]:
 
 
 #: All kinds by name. Quadratic lines and quadrilaterals have area elements that are no polynomials.
+#: The elements of bodies that have such facets are `inputs.SUPPORTED`, and for files `vtk.VTK_CELLS`.
 KINDS = {
     kind.name: kind
     for kind in (

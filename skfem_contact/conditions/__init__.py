@@ -7,7 +7,7 @@
   axes of friction, of rigid bodies too;
 * `interface`: laws of all points, and what a state belongs to; `state`: loads of a step, and what
   friction remembers;
-* `motions`: what supports leave free, in words too, and whether contact holds it;
+* `motions`: what supports leave free, whether contact holds it, and the words of "no equilibrium";
 * `checks`: what can be said before solving, of pairings and of axisymmetric bodies;
 """
 

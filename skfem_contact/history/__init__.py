@@ -7,8 +7,8 @@
   smaller steps;
 * `nonlinear`: the same for bodies that are not linear, linearised at every iterate, its linear problems
   to all their digits, and what is to be said of its answers;
-* `neutral_equilibrium`, `equilibrium`: bodies whose place nothing decides; the answer, or
-  why there is none;
+* `neutral_equilibrium`, `equilibrium`: bodies whose place nothing decides; the answer of a
+  step, or that it is refused (its words: `conditions.motions`);
 * `solve_step`: from a load case to a result;
 * `checkpoint`: states on disk;
 * `solver`: what a solver is made of, other solvers that are made of it, and load steps: what users

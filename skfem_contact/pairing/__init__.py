@@ -7,7 +7,7 @@
 * `mortar`: dual mortar contact: the rows, their normals and gaps, in steps:
   `segmentation` finds the pieces on which facet meets facet, and integrates over them
   (`cells`: plane parts of facets; `clipping`: polygons, and intervals of curves);
-  `dual`: multipliers, and what supports change of them;
+  `dual`: the dual basis of multipliers, and what supports change of it;
 * `smooth`: smooth boundaries of facets, and what they change of rows;
 * `diagnosis`: what looks wrong with a pairing, in sentences.
 """
