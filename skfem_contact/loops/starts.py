@@ -30,10 +30,10 @@ from skfem_contact.conditions.friction import FrictionLaw
 from skfem_contact.conditions.friction_rule import FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LocalState, State
-from skfem_contact.digits import GIVEN, NEWTON_STEPS, SOLVED
+from skfem_contact.digits import GIVEN, SOLVED
 from skfem_contact.errors import SingularMatrix
 from skfem_contact.loops.driver import NEWTON_ITERATIONS, Outcome, drive, newton
-from skfem_contact.loops.pulled import Carried, after, pulled
+from skfem_contact.loops.pulled import IN_SERIES, Carried, after, pulled
 from skfem_contact.loops.step import Guess, Record, Step
 from skfem_contact.problem.points import Load, Resistance
 from skfem_contact.problem.seam import ContactProblem
@@ -236,7 +236,7 @@ def proximal(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Outcome
     found = None
     while len(trace) < MOST_IN_SERIES and SOLVED < softness < TOO_SOFT:
         try:
-            found = drive(newton, _in_series(step, softness, guess), guess, tolerance, NEWTON_STEPS)
+            found = drive(newton, _in_series(step, softness, guess), guess, tolerance, IN_SERIES)
         except SingularMatrix:  # beside a law of 1e12 times their stiffness springs are round-off
             break
         trace += [replace(record, note="springs in series") for record in found.trace]
@@ -246,7 +246,7 @@ def proximal(step: Step, guess: Guess, tolerance: float) -> tuple[Guess, Outcome
             continue
         before, guess = guess, replace(after(step, found), near=True)
         if _change(before, guess) < NEAR:
-            found = drive(newton, step, guess, tolerance, NEWTON_STEPS)
+            found = drive(newton, step, guess, tolerance, IN_SERIES)
             trace += found.trace
             if found.converged:
                 guess, found = _of_least_pressure(step, found, tolerance, trace)
@@ -264,7 +264,7 @@ def _of_least_pressure(
     guess = after(step, found)
     if step.problem.springs is None:
         return guess, found
-    least = drive(newton, step, guess, tolerance, NEWTON_STEPS)
+    least = drive(newton, step, guess, tolerance, IN_SERIES)
     trace += least.trace
     return (after(step, least), least) if least.converged else (replace(guess, near=True), found)
 

@@ -221,7 +221,8 @@ def test_a_curved_second_order_body_on_a_plane():
         top = sc.Body.from_mesh(bent, fem.ElementVector(element), elastic(1.0, 0.3)).surface("top")
         middle = np.hypot(*top.points[:, :2].T) < 0.5
         np.testing.assert_allclose(sagittas(top, plane.bend)[middle], height, rtol=0.1)
-        assert not sagittas(top, own.bend).any()
+        # the sphere on whose paraboloid the nodes are; they and its normals miss it by the fourth power
+        assert sagittas(top, own.bend)[middle].max() < 0.2 * height
 
 
 # -- obstacles taken for their own inverse -------------------------------------------------------

@@ -437,9 +437,6 @@ class Assessment:
             found["sliding"] = sliding_words(drift, self._turning(i))
         elif "overlap" in kinds:  # small sliding that does not follow is the reason already
             found["overlap"] = self._overlap(i)
-        if drift.facets_too_long and contact.rigid_body is not None:
-            # how far a force moves the tool says too little
-            drift = with_elastic_approach(self.result, i, drift)
         if drift.facets_too_long:
             found["facets"] = facet_words(drift, contact)
         return {kind: words for kind, words in found.items() if words and kind in kinds}
@@ -517,7 +514,13 @@ class Assessment:
         slip = result.kin.B_t[part.start * t : part.stop * t] @ result.u
         slip = np.einsum("mk,mkd->md", slip.reshape(-1, t), result.kin.duals[part])
         track = result.diagnostics.tracks[i]
-        return replace(drift, **track.numbers(result, result.closed(i), slip, drift.approach, result.u))
+        drift = replace(
+            drift, **track.numbers(result, result.closed(i), slip, drift.approach, result.u)
+        )
+        if drift.facets_too_long and result.contacts[i].rigid:
+            # forces alone say too little of how far bodies are pressed in, where they move most of all
+            return with_elastic_approach(result, i, drift)
+        return drift
 
 
 def _coefficient(contact: Contact) -> float:

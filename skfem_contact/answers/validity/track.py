@@ -264,8 +264,9 @@ class ContactWatch(Track):
         What of `soft` points do not feel, because supports take up their force on one side.
     motions : list of ndarray, shape (m, d, r)
         How far motions of each body move points.
-    borne, held : bool
-        Whether supports hold the secondary, and both sides, along the normals.
+    force_given, held : bool
+        Whether no support holds the secondary along the normals, against an obstacle; and whether
+        supports hold both sides.
     loose : list of Support, or None
         Motions of bodies where neither friction nor supports say how they slide.
     inside : bool
@@ -304,7 +305,7 @@ class ContactWatch(Track):
         self.motions = [s.unit_at(self.points) for s in held_by]
         by = [(s, unit[self.paired]) for s, unit in zip(held_by, self.motions, strict=True)]
         holds = [s.holds(unit, self.normal[self.paired]) for s, unit in by]
-        self.borne, self.held = holds[0], all(holds)
+        self.force_given, self.held = contact.rigid and not holds[0], all(holds)
         self.inside, self.loose = False, None
         if self.small and contact.friction is None and not contact.tied:
             along = np.moveaxis(self.tangent[self.paired], 1, 0)
@@ -316,7 +317,17 @@ class ContactWatch(Track):
     def carried(self) -> ContactWatch:
         """What an answer takes along, without what steps alone look with: it comes from the bodies."""
         out = copy(self)
-        steps = ("geometry", "motions", "loose", "soft", "spared", "borne", "held", "inside", "asks")
+        steps = (
+            "geometry",
+            "motions",
+            "loose",
+            "soft",
+            "spared",
+            "force_given",
+            "held",
+            "inside",
+            "asks",
+        )
         for name in steps:
             delattr(out, name)
         return out
@@ -353,7 +364,7 @@ class ContactWatch(Track):
         closed, sagitta = result.closed(self.i), self._sagitta(result, u)
         count = int(np.count_nonzero(closed))
         if not count and not (self.small and self.rigid):
-            return Drift(sagitta=sagitta)
+            return Drift(sagitta=sagitta, force_given=self.force_given)
         force = state.normal_force[part]
         if self.stretched:  # glue may twist
             force = np.hypot(force, np.linalg.norm(state.tangential_force[part], axis=1))
@@ -374,7 +385,8 @@ class ContactWatch(Track):
                 slip = self.tangential(self._apart([body.motion(u) for body in self.loose]))
         approach = beyond_round_off(approach, self.extent)
         found = {} if slip is None else self.numbers(result, closed, slip, approach, u)
-        return Drift(count, approach=approach, strain=strain, sagitta=sagitta, **found)
+        found |= {"sagitta": sagitta, "force_given": self.force_given}
+        return Drift(count, approach=approach, strain=strain, **found)
 
     def numbers(
         self, result: Answer, closed: Mask, slip: Array, approach: float, u: Array
@@ -532,7 +544,7 @@ class ContactWatch(Track):
         They tell too little of it where points slide far, a force moves a tool, or no support holds a
         body against one.
         """
-        by_forces = not self.small or self.tool or (self.rigid and not self.borne)
+        by_forces = not self.small or self.tool or self.force_given
         if not (by_forces and drift.facets_too_long):
             return drift.facets_too_long
         u = result.u if self.small else result.at_surfaces()

@@ -127,6 +127,9 @@ class Drift:
         the strain of the bodies, which `Validity.strain` measures.
     sagitta : float
         Height of the curves over one facet, the mean over the normal forces (`chords`) [length].
+    force_given : bool
+        No support holds the body against a rigid obstacle: its force is that of the loads, however few
+        facets carry it.
 
     Examples
     --------
@@ -163,6 +166,7 @@ class Drift:
     approach: float = 0.0
     strain: float = 0.0
     sagitta: float = 0.0
+    force_given: bool = False
 
     @property
     def sagitta_share(self) -> float:
@@ -175,7 +179,12 @@ class Drift:
     @property
     def facets_too_long(self) -> bool:
         """Return whether contact ends within the facets, so that their chords are not the curves."""
-        return self.sagitta_share > SAGITTA
+        return self.sagitta_share > self.sagitta_bound
+
+    @property
+    def sagitta_bound(self) -> float:
+        """Up to which share forces are right; where these are given, up to which pressures spread."""
+        return 1.0 if self.force_given else SAGITTA
 
     @property
     def slides_far(self) -> bool:
@@ -438,7 +447,11 @@ class Validity(NamesAttributes):
         """The largest number over its bound; up to one the model holds."""
         found = [0.0]
         for part in self.contacts.values():
-            found += [part.drift.worst, part.drift.sagitta_share / SAGITTA, part.excess]
+            found += [
+                part.drift.worst,
+                part.drift.sagitta_share / part.drift.sagitta_bound,
+                part.excess,
+            ]
         for shares in (self.strain, self.second_order, self.displacement):
             found += [share / A_TENTH for share in shares.values()]
         found += [turn / A_TENTH for name, turn in self.rotation.items() if turn > self.strain[name]]
@@ -496,7 +509,8 @@ def _contact_lines(part: ContactValidity) -> list[str]:
     if drift.sagitta:
         words.append(
             f"over one facet curves stand {drift.sagitta:.2g} off each other, "
-            f"{100 * drift.sagitta_share:.2g} % of the elastic approach (up to {100 * SAGITTA:g} %)"
+            f"{100 * drift.sagitta_share:.2g} % of the elastic approach "
+            f"(up to {100 * drift.sagitta_bound:g} %)"
         )
     if part.angle_over_mu > 0:
         words.append(
