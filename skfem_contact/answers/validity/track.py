@@ -264,7 +264,7 @@ class ContactWatch(Track):
         What of `soft` points do not feel, because supports take up their force on one side.
     motions : list of ndarray, shape (m, d, r)
         How far motions of each body move points.
-    force_given, held : bool
+    by_force, held : bool
         Whether no support holds the secondary along the normals, against an obstacle; and whether
         supports hold both sides.
     loose : list of Support, or None
@@ -305,7 +305,7 @@ class ContactWatch(Track):
         self.motions = [s.unit_at(self.points) for s in held_by]
         by = [(s, unit[self.paired]) for s, unit in zip(held_by, self.motions, strict=True)]
         holds = [s.holds(unit, self.normal[self.paired]) for s, unit in by]
-        self.force_given, self.held = contact.rigid and not holds[0], all(holds)
+        self.by_force, self.held = contact.rigid and not holds[0], all(holds)
         self.inside, self.loose = False, None
         if self.small and contact.friction is None and not contact.tied:
             along = np.moveaxis(self.tangent[self.paired], 1, 0)
@@ -323,7 +323,7 @@ class ContactWatch(Track):
             "loose",
             "soft",
             "spared",
-            "force_given",
+            "by_force",
             "held",
             "inside",
             "asks",
@@ -364,7 +364,7 @@ class ContactWatch(Track):
         closed, sagitta = result.closed(self.i), self._sagitta(result, u)
         count = int(np.count_nonzero(closed))
         if not count and not (self.small and self.rigid):
-            return Drift(sagitta=sagitta, force_given=self.force_given)
+            return Drift(sagitta=sagitta, by_force=self.by_force)
         force = state.normal_force[part]
         if self.stretched:  # glue may twist
             force = np.hypot(force, np.linalg.norm(state.tangential_force[part], axis=1))
@@ -385,7 +385,7 @@ class ContactWatch(Track):
                 slip = self.tangential(self._apart([body.motion(u) for body in self.loose]))
         approach = beyond_round_off(approach, self.extent)
         found = {} if slip is None else self.numbers(result, closed, slip, approach, u)
-        found |= {"sagitta": sagitta, "force_given": self.force_given}
+        found |= {"sagitta": sagitta, "by_force": self.by_force}
         return Drift(count, approach=approach, strain=strain, **found)
 
     def numbers(
@@ -544,8 +544,8 @@ class ContactWatch(Track):
         They tell too little of it where points slide far, a force moves a tool, or no support holds a
         body against one.
         """
-        by_forces = not self.small or self.tool or self.force_given
-        if not (by_forces and drift.facets_too_long):
+        told = not self.small or self.tool or self.by_force
+        if not (told and drift.facets_too_long):
             return drift.facets_too_long
         u = result.u if self.small else result.at_surfaces()
         return with_elastic_approach(result, self.i, drift, u).facets_too_long

@@ -127,7 +127,7 @@ class Drift:
         the strain of the bodies, which `Validity.strain` measures.
     sagitta : float
         Height of the curves over one facet, the mean over the normal forces (`chords`) [length].
-    force_given : bool
+    by_force : bool
         No support holds the body against a rigid obstacle: its force is that of the loads, however few
         facets carry it.
 
@@ -166,7 +166,7 @@ class Drift:
     approach: float = 0.0
     strain: float = 0.0
     sagitta: float = 0.0
-    force_given: bool = False
+    by_force: bool = False
 
     @property
     def sagitta_share(self) -> float:
@@ -184,7 +184,7 @@ class Drift:
     @property
     def sagitta_bound(self) -> float:
         """Up to which share forces are right; where these are given, up to which pressures spread."""
-        return 1.0 if self.force_given else SAGITTA
+        return 1.0 if self.by_force else SAGITTA
 
     @property
     def slides_far(self) -> bool:
