@@ -17,7 +17,7 @@ from scipy.sparse import block_diag, csr_matrix
 
 from skfem_contact.answers.validity.validity import Diagnostics
 from skfem_contact.arguments import numbers
-from skfem_contact.arrays import Array, Mask, cross
+from skfem_contact.arrays import Array, Mask, cross, size_of
 from skfem_contact.assemblies.bolt import Bolts
 from skfem_contact.bodies.body import Body, body_nodes
 from skfem_contact.bodies.member import Member
@@ -155,7 +155,7 @@ def _of_rims(body: Any, slope: csr_matrix) -> csr_matrix:
     """The half of the derivative of a body's load that is not symmetric, but what supports bear."""
     odd = csr_matrix(0.5 * (slope - slope.T))
     row = np.repeat(np.arange(body.n), np.diff(odd.indptr))
-    least = COMPUTED * np.abs(slope.data).max(initial=0.0)
+    least = COMPUTED * size_of(slope.data)
     odd.data[np.isin(row, body.D) | (np.abs(odd.data) <= least)] = 0.0
     odd.eliminate_zeros()
     return odd

@@ -203,6 +203,8 @@ class State(_History):
 
 def swept(turn: Any, arm: Array) -> Array:
     """How far arms (m, d) sweep in a turn, linear in it: a number, or a vector (3,) in space."""
+    if not np.any(turn):
+        return np.zeros(arm.shape)
     if np.ndim(turn):
         return np.asarray(np.cross(turn, arm))
     return np.asarray(turn * np.column_stack([-arm[:, 1], arm[:, 0]]))

@@ -14,7 +14,7 @@ import numpy as np
 
 from skfem_contact.answers.answer import Answer
 from skfem_contact.answers.result import ContactResult
-from skfem_contact.arrays import Array, Mask, lengths
+from skfem_contact.arrays import Array, Mask, lengths, size_of
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.friction_rule import jumps_open, resisting_slips
 from skfem_contact.conditions.interface import Interface
@@ -89,7 +89,7 @@ class Grip:
         motions, state = attempt.problem.motions, attempt.local
         if attempt.model is not model:  # there DOFs are held that nothing holds
             motions = model.motions.seen_by(attempt.problem.kin)
-        most = float(np.abs(state.normal_force).max(initial=0.0))
+        most = size_of(state.normal_force)
         floor = max(SOLVED * most, COMPUTED * attempt.terms)
         carrying = (state.status != OPEN) & (state.normal_force > floor)
         carrying |= motions.kin.never_opens
@@ -150,7 +150,7 @@ class Grip:
             friction = lengths(state.tangential_force)
             full = self.stick & interface.frictional & (friction > 0) & (state.status == STICK)
             bound = self.attempt.friction_bound
-            moved = max(self.attempt.model.stiffest) * np.abs(state.slip).max(initial=0.0)
+            moved = max(self.attempt.model.stiffest) * size_of(state.slip)
             full &= friction >= (1 - SOLVED) * bound - COMPUTED * moved
         if not (np.count_nonzero(full) or self.idles):  # all that sticks holds, and that is enough
             return ()

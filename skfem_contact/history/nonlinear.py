@@ -61,14 +61,7 @@ from skfem_contact.errors import (
 from skfem_contact.history.equilibrium import ARRIVED, CORNERS, EquilibriumSearch, Verdict, at_corners
 from skfem_contact.history.load_step import Advance, Attempt, LoadStep, Recovery
 from skfem_contact.history.stepper import NOISE, Stepper
-from skfem_contact.history.stepping import (
-    AIM,
-    LONGER,
-    WHOLE_TURN,
-    Bisection,
-    settled,
-    travelled,
-)
+from skfem_contact.history.stepping import AIM, LONGER, WHOLE_TURN, Bisection, settled, travelled
 from skfem_contact.linalg.krylov import Anderson
 from skfem_contact.linalg.multifrontal import MultifrontalCholesky
 from skfem_contact.loops.active_set import DECREASE, HALVINGS

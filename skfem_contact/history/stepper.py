@@ -11,7 +11,7 @@ from scipy.linalg import qr
 from scipy.sparse import csr_matrix, vstack
 
 from skfem_contact.arguments import NAMED
-from skfem_contact.arrays import Array, Mask
+from skfem_contact.arrays import Array, Mask, size_of
 from skfem_contact.conditions.friction import Tresca
 from skfem_contact.conditions.friction_rule import FrictionRule, jumps_open
 from skfem_contact.conditions.kinematics import prescribed_rows, prescribed_tangents
@@ -113,7 +113,7 @@ class Stepper(ByFields):
         # own K may have been replaced
         moves, stiffest = self.model.moves(target), self.model.stiffest
         moved = max(moves)
-        pull = float(np.abs(target.f).max(initial=0.0))
+        pull = size_of(target.f)
         noise = NOISE * max(pull, min(stiffest) * moved)
         seen = self._seen(problem, target, last, to.before)
         counted = seen if to.origin is None else to.origin.seen(seen, kin, self.model)

@@ -288,8 +288,9 @@ def spin(start: Array, end: Array) -> Array:
 
     About a fixed axis it is the difference, any number of turns.
     """
-    change = end - start
-    total = np.zeros(3)
+    change, total = end - start, np.zeros(3)
+    if not np.any(change):  # every pairing with a tool that slides far asks
+        return total
     for at, weight in zip(0.5 * (NODES + 1), 0.5 * WEIGHTS, strict=True):
         total += weight * (spin_rate(start + at * change) @ change)
     return total

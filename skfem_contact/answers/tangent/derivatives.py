@@ -241,7 +241,8 @@ class Jacobian(NamesAttributes):
             said.append("No point slips in this history.")
         if alike := int(told.sum()) - self.rank:
             said.append(f"{alike} combinations of the other parameters have no effect on them.")
-        said += ["Start where they do, measure something else, or leave parameters out."] * bool(said)
+        if said:
+            said.append("Start where they do, measure something else, or leave parameters out.")
         return " ".join(said)
 
 

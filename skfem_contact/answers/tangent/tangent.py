@@ -36,11 +36,7 @@ from skfem_contact.answers.answer import Answer
 from skfem_contact.arguments import NamesAttributes, numbers
 from skfem_contact.arrays import Array, Index, Mask, check_size, lengths, unit_vectors
 from skfem_contact.conditions.friction import FrictionLaw
-from skfem_contact.conditions.friction_rule import (
-    BEYOND,
-    Derivatives,
-    FrictionRule,
-)
+from skfem_contact.conditions.friction_rule import BEYOND, Derivatives, FrictionRule
 from skfem_contact.conditions.kinematics import Kinematics
 from skfem_contact.conditions.rows import combined_rows, tangential_matrix
 from skfem_contact.conditions.state import OPEN, SLIP, STICK, LoadCase

@@ -24,7 +24,7 @@ import numpy as np
 from skfem_contact.answers.answer import Answer, point_forces
 from skfem_contact.answers.validity.deformed_boundaries import BoundaryNodes
 from skfem_contact.answers.validity.validity import A_TENTH, Drift
-from skfem_contact.arrays import Array, Index, Mask, cross
+from skfem_contact.arrays import Array, Index, Mask, cross, size_of
 from skfem_contact.bodies.body import Body
 from skfem_contact.bodies.member import Member, unit_motions
 from skfem_contact.bodies.surface import ContactSurface
@@ -253,7 +253,7 @@ def elastic_approach(result: Answer, i: int, displacement: Array | None = None) 
         elastic[system.slice(body)] -= rigid[np.arange(body.n), body.dof_component]
     if contact.rigid_body is not None:
         elastic[system.slice(contact.rigid_body)] = 0.0
-    return float(np.abs((result.kin.B_n[part] @ elastic)[closed]).max(initial=0.0))
+    return size_of((result.kin.B_n[part] @ elastic)[closed])
 
 
 def with_elastic_approach(

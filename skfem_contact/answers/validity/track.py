@@ -28,7 +28,7 @@ from skfem_contact.answers.validity.support import (
     with_elastic_approach,
 )
 from skfem_contact.answers.validity.validity import Drift
-from skfem_contact.arrays import Array, Index, Mask, angle_between, dot
+from skfem_contact.arrays import Array, Index, Mask, angle_between, dot, size_of
 from skfem_contact.bodies.surface import ContactSurface
 from skfem_contact.conditions.contact import Contact
 from skfem_contact.conditions.geometry import Geometry
@@ -317,18 +317,8 @@ class ContactWatch(Track):
     def carried(self) -> ContactWatch:
         """What an answer takes along, without what steps alone look with: it comes from the bodies."""
         out = copy(self)
-        steps = (
-            "geometry",
-            "motions",
-            "loose",
-            "soft",
-            "spared",
-            "by_force",
-            "held",
-            "inside",
-            "asks",
-        )
-        for name in steps:
+        steps = "geometry motions loose soft spared by_force held inside asks"
+        for name in steps.split():
             delattr(out, name)
         return out
 
@@ -374,7 +364,7 @@ class ContactWatch(Track):
             if self.held and count:
                 worn = (case.gap0[part] + state.wear[part])[closed]
                 lifted = worn - result.gap[part][closed] + by_supports[closed]
-                elastic = float(np.abs(lifted).max(initial=0.0))
+                elastic = size_of(lifted)
                 approach, strain = max(approach, elastic), max(strain, elastic / self.extent)
             if contact.friction is not None or contact.tied:
                 given = self.geometry.kin.slip_along(case.slip0[part], part) if self.rigid else None

@@ -447,11 +447,8 @@ class Validity(NamesAttributes):
         """The largest number over its bound; up to one the model holds."""
         found = [0.0]
         for part in self.contacts.values():
-            found += [
-                part.drift.worst,
-                part.drift.sagitta_share / part.drift.sagitta_bound,
-                part.excess,
-            ]
+            drift = part.drift
+            found += [drift.worst, drift.sagitta_share / drift.sagitta_bound, part.excess]
         for shares in (self.strain, self.second_order, self.displacement):
             found += [share / A_TENTH for share in shares.values()]
         found += [turn / A_TENTH for name, turn in self.rotation.items() if turn > self.strain[name]]
